@@ -1,0 +1,1 @@
+"""Simulate, log, convert, share and replay Jenga rollouts. Never imports torch."""

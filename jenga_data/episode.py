@@ -1,0 +1,141 @@
+"""One rollout in memory: what the simulator hands to the log, and what the log hands to everybody else."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from jenga_data.blocks import Blocks
+from jenga_data.outcome import Verdict
+from jenga_data.tower import Layout, TowerState
+
+CONTROL_STEP_NS = 32_000_000
+"""One control step, one frame: 32 ms [ns]."""
+
+TABLE = -1
+LEFT_FINGER = -2
+RIGHT_FINGER = -3
+ROBOT = -4
+"""Ids of what a block can touch besides other blocks (0 and up)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Contacts:
+    """Which bodies touch at one moment, one row a pair, and the total force that `second` exerts on `first` [N]."""
+
+    first: Int[np.ndarray, " contact"]
+    second: Int[np.ndarray, " contact"]
+    force: Float[np.ndarray, "contact 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class EpisodeHeader:
+    """All that is known of an episode before its first frame.
+
+    `key` names it: a hash of (config, seed, number) and of the acting model's checkpoint, if one acts.
+    `turn` is the number of quarter turns the table made to bring the target along x, `face` which of the
+    target's own ends is pulled (0: its -x end, 1: its +x end).
+    """
+
+    key: str
+    kind: str
+    seed: int
+    number: int
+    blocks: Blocks
+    layout: Layout
+    target: int
+    turn: int
+    face: int
+    config: dict[str, Any]
+    checkpoint: str = ""
+    provenance: dict[str, str] = field(default_factory=dict)
+    control_step_ns: int = CONTROL_STEP_NS
+
+    @property
+    def round(self) -> int:
+        return self.layout.round
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """The state at one control step. `sim_state` is MuJoCo's integration state, empty where there is no MuJoCo."""
+
+    index: int
+    time_ns: int
+    pose: Float[np.ndarray, "block 7"]
+    twist: Float[np.ndarray, "block 6"]
+    contacts: Contacts
+    sim_state: Float[np.ndarray, " state"]
+
+
+@dataclass(frozen=True, eq=False)
+class Action:
+    """What was commanded between frame `frame` and the next, and what came of it: displacements in the world [m]."""
+
+    frame: int
+    time_ns: int
+    displacement: Float[np.ndarray, "3"]
+    reached: Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True, eq=False)
+class GripperSample:
+    """The gripper at one moment: pose of the point between the fingertips in the world, opening [m], and the force
+    that the block exerts on each fingertip in the gripper's frame [N]."""
+
+    time_ns: int
+    pose: Float[np.ndarray, "7"]
+    width: float
+    left_force: Float[np.ndarray, "3"]
+    right_force: Float[np.ndarray, "3"]
+
+
+@dataclass(frozen=True)
+class Phase:
+    """What the rollout does from `frame` on, e.g. "grasp" or "pull"."""
+
+    frame: int
+    time_ns: int
+    name: str
+
+
+@dataclass(frozen=True)
+class Result:
+    """How an episode ended: the verdict on the tower, and what went wrong on the robot's side ("" if nothing)."""
+
+    verdict: Verdict
+    cause: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class GripperTrack:
+    """All gripper samples of an episode, stacked."""
+
+    time_ns: Int[np.ndarray, " sample"]
+    pose: Float[np.ndarray, "sample 7"]
+    width: Float[np.ndarray, " sample"]
+    left_force: Float[np.ndarray, "sample 3"]
+    right_force: Float[np.ndarray, "sample 3"]
+
+
+@dataclass(frozen=True, eq=False)
+class Episode:
+    """A whole log, stacked. `result` is None where the log ends before its outcome."""
+
+    header: EpisodeHeader
+    time_ns: Int[np.ndarray, " frame"]
+    pose: Float[np.ndarray, "frame block 7"]
+    twist: Float[np.ndarray, "frame block 6"]
+    contacts: list[Contacts]
+    sim_state: Float[np.ndarray, "frame state"]
+    action_frame: Int[np.ndarray, " action"]
+    action: Float[np.ndarray, "action 3"]
+    action_reached: Float[np.ndarray, "action 3"]
+    gripper: GripperTrack
+    phases: list[Phase]
+    result: Result | None
+
+    def tower_state(self, frame: int) -> TowerState:
+        """The tower at `frame`, as the controller saw it."""
+        return TowerState(self.header.blocks, self.header.layout, self.pose[frame], self.twist[frame])
