@@ -139,3 +139,20 @@ class Episode:
     def tower_state(self, frame: int) -> TowerState:
         """The tower at `frame`, as the controller saw it."""
         return TowerState(self.header.blocks, self.header.layout, self.pose[frame], self.twist[frame])
+
+
+@dataclass(frozen=True, eq=False)
+class Prediction:
+    """What one model says of an episode, drawn over the truth by replay.
+
+    `pose[k]` is the tower that the model expects at frame `frame[k]`: for `kind` "one_step" from the true state
+    one frame before, for "open_loop" from its own prediction, started at `frame[0] - 1`.
+    `failure_probability` is the selector's for each block at frame 0, NaN where it has none.
+    """
+
+    name: str
+    checkpoint: str
+    kind: str
+    frame: Int[np.ndarray, " prediction"]
+    pose: Float[np.ndarray, "prediction block 7"]
+    failure_probability: Float[np.ndarray, " block"]
