@@ -56,7 +56,7 @@ def action_cost(action: Float[np.ndarray, "*batch 3"], config: CostConfig = PAPE
     It "attempts to both encourage movement in the primary extraction direction, the -x-direction, and discourage
     erroneous movements in the y and z directions".
     """
-    return config.alpha * action[..., 0] + config.beta * np.abs(action[..., 1:]).sum(-1)
+    return np.asarray(config.alpha * action[..., 0] + config.beta * np.abs(action[..., 1:]).sum(-1))
 
 
 def disturbance_cost(
@@ -77,7 +77,7 @@ def disturbance_cost(
         change = np.concatenate([change, sign * next_quat - quat], axis=-1)
     moved = np.linalg.norm(change, axis=-1)
     # Summed around the target, not subtracted from the total: a target whose prediction is NaN costs nothing.
-    return config.gamma * (moved[..., :target].sum(-1) + moved[..., target + 1 :].sum(-1))
+    return np.asarray(config.gamma * (moved[..., :target].sum(-1) + moved[..., target + 1 :].sum(-1)))
 
 
 def plan_cost(
@@ -91,9 +91,10 @@ def plan_cost(
     Raises:
         ValueError: the objective needs predicted towers and `poses` is None.
     """
-    cost = action_cost(actions, config).sum(-1)
+    cost = np.asarray(action_cost(actions, config).sum(-1))
     if not config.needs_dynamics:
         return cost
     if poses is None:
         raise ValueError(f"the objective {config.objective!r} needs predicted poses")
-    return cost + disturbance_cost(poses[..., :-1, :, :], poses[..., 1:, :, :], target, config).sum(-1)
+    disturbance = disturbance_cost(poses[..., :-1, :, :], poses[..., 1:, :, :], target, config)
+    return np.asarray(cost + disturbance.sum(-1))

@@ -33,8 +33,8 @@ class MPPIConfig:
 
     `initial_action` is the mean of every step before anything is known, and after `reset`. A cost that is linear
     in a_x has no optimum to start from but the limit, which lies 20 sigma away: it starts at a slow pull instead,
-    and the search moves it by about half a sigma a decision. With `warm_start` the mean is moved on by one step from one
-    decision to the next, its last action repeated; without, each decision starts from `initial_action`.
+    and the search moves it by about half a sigma a decision. With `warm_start` the mean is moved on by one step
+    from one decision to the next, its last action repeated; without, each decision starts from `initial_action`.
 
     The plans that are drawn stay within the search limits, and within the executed limits as well if
     `sample_within_clip`; what is executed stays within the executed limits always. Values beyond a limit are put

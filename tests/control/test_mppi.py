@@ -8,12 +8,12 @@ from jenga_data.errors import JengaError
 
 FREE = MPPIConfig(
     samples=200,
-    search_low=(-1, -1, -1),
-    search_high=(1, 1, 1),
-    execute_low=(-1, -1, -1),
-    execute_high=(1, 1, 1),
+    search_low=(-1.0, -1.0, -1.0),
+    search_high=(1.0, 1.0, 1.0),
+    execute_low=(-1.0, -1.0, -1.0),
+    execute_high=(1.0, 1.0, 1.0),
     max_change_x=None,
-    initial_action=(0, 0, 0),
+    initial_action=(0.0, 0.0, 0.0),
 )
 
 
@@ -162,8 +162,8 @@ def test_rollout_cannot_change_the_plans():
     [
         ({"temperature": 0.0}, "temperature is 0.0"),
         ({"samples": 0}, "samples is 0"),
-        ({"execute_low": (0.03, 0, 0), "execute_high": (0.04, 0, 0)}, "leave nothing"),
-        ({"initial_action": (-0.5, 0, 0)}, "initial_action .* is outside"),
+        ({"execute_low": (0.03, 0.0, 0.0), "execute_high": (0.04, 0.0, 0.0)}, "leave nothing"),
+        ({"initial_action": (-0.5, 0.0, 0.0)}, "initial_action .* is outside"),
         ({"max_change_x": -1.0}, "max_change_x is -1.0"),
     ],
 )
