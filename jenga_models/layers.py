@@ -1,0 +1,92 @@
+"""Building blocks of the message-passing networks, and the two steps of message passing made of them.
+
+Node states are [*sample, node, width]: layers index the node axis, the last but one, so that a flat batch and
+samples that share one topology go through the same code.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+
+from jenga_models.graphs import Graphs
+
+
+def mlp(inputs: int, width: int, outputs: int, hidden_layers: int, norm: bool) -> nn.Sequential:
+    """Linear layers with ReLU between them, `hidden_layers` of them hidden, and a layer norm behind if `norm`."""
+    sizes = [inputs, *[width] * hidden_layers, outputs]
+    layers: list[nn.Module] = []
+    for before, after in pairwise(sizes):
+        layers += [nn.Linear(before, after), nn.ReLU()]
+    layers.pop()
+    return nn.Sequential(*layers, nn.LayerNorm(outputs)) if norm else nn.Sequential(*layers)
+
+
+class SplitLinear(nn.Linear):
+    """A linear layer over several inputs side by side, applied to each of them on its own.
+
+    W [a, b, c] = Wa a + Wb b + Wc c: what belongs to a node is multiplied once a node and not once an edge, and
+    what belongs to a graph once a graph. The bias comes with the last input.
+    """
+
+    def __init__(self, widths: Sequence[int], outputs: int) -> None:
+        super().__init__(sum(widths), outputs)
+        self.widths = list(widths)
+
+    def part(self, which: int, values: Float[Tensor, "*batch part"]) -> Float[Tensor, "*batch output"]:
+        weight = self.weight.split(self.widths, dim=1)[which]
+        bias = self.bias if which == len(self.widths) - 1 else None
+        return nn.functional.linear(values, weight, bias)
+
+
+def _before_message(first: SplitLinear, node: Tensor, edge: Tensor, graphs: Graphs) -> Tensor:
+    """first([receiver, sender, edge]) for every edge."""
+    sender, receiver = graphs.edge_index
+    at_receiver = first.part(0, node).index_select(-2, receiver)
+    at_sender = first.part(1, node).index_select(-2, sender)
+    return at_receiver + at_sender + first.part(2, edge)
+
+
+def _gathered(messages: Tensor, node: Tensor, graphs: Graphs) -> Tensor:
+    """The sum of the messages that reach each node."""
+    if graphs.edge_mask is not None:
+        messages = messages * graphs.edge_mask[..., None]
+    empty = messages.new_zeros(*node.shape[:-1], messages.shape[-1])
+    return empty.index_add(-2, graphs.edge_index[1], messages)
+
+
+class MemoryInteraction(nn.Module):
+    """One processing layer of the GNS (Sanchez-Gonzalez 2020, arXiv 2002.09405, section 3.2).
+
+    e' = MLP([v_r, v_s, e]), v' = MLP([v, sum of e' at r]), and both are added to what was there.
+    """
+
+    def __init__(self, width: int, hidden_layers: int) -> None:
+        super().__init__()
+        self.first = SplitLinear([width] * 3, width)
+        self.message = nn.Sequential(nn.ReLU(), mlp(width, width, width, hidden_layers - 1, norm=True))
+        self.update = mlp(2 * width, width, width, hidden_layers, norm=True)
+
+    def forward(self, node: Tensor, edge: Tensor, graphs: Graphs) -> tuple[Tensor, Tensor]:
+        message = self.message(_before_message(self.first, node, edge, graphs))
+        update = self.update(torch.cat([node, _gathered(message, node, graphs)], dim=-1))
+        return node + update, edge + message
+
+
+class LightInteraction(nn.Module):
+    """The same without a state on the edges: v' = v + MLP([v, sum of ReLU(W [v_r, v_s, e])]).
+
+    A message MLP that ends in a linear layer may be summed before that layer, and the layer is then one with the
+    first of the update MLP: this is an interaction network with one hidden layer a message, at a third of the cost.
+    """
+
+    def __init__(self, width: int, hidden_layers: int) -> None:
+        super().__init__()
+        self.first = SplitLinear([width] * 3, width)
+        self.update = mlp(2 * width, width, width, hidden_layers, norm=True)
+
+    def forward(self, node: Tensor, edge: Tensor, graphs: Graphs) -> tuple[Tensor, Tensor]:
+        message = _before_message(self.first, node, edge, graphs).relu()
+        return node + self.update(torch.cat([node, _gathered(message, node, graphs)], dim=-1)), edge

@@ -1,0 +1,69 @@
+"""What Lightning trains: a network, its loss and its optimizer."""
+
+from typing import Any
+
+import torch
+from lightning.pytorch import LightningModule
+from torch import Tensor, nn
+from torch.nn import functional
+
+from jenga_models.config import DynamicsTraining, SelectionTraining, Training
+from jenga_models.data import Batch
+
+
+class _Module(LightningModule):
+    """Logs the mean of every metric over the epoch, once for training and once for validation rows."""
+
+    def __init__(self, network: nn.Module, config: Training) -> None:
+        super().__init__()
+        self.network, self.config = network, config
+
+    def metrics(self, batch: Batch) -> dict[str, Tensor]:
+        """What to report of a batch; `loss` is what is minimised."""
+        raise NotImplementedError
+
+    def _step(self, split: str, batch: Batch) -> Tensor:
+        metrics = self.metrics(batch)
+        for name, value in metrics.items():
+            self.log(f"{split}_{name}", value, on_step=False, on_epoch=True, batch_size=len(batch))
+        return metrics["loss"]
+
+    def training_step(self, batch: Batch) -> Tensor:
+        return self._step("train", batch)
+
+    def validation_step(self, batch: Batch) -> None:
+        self._step("validation", batch)
+
+    def configure_optimizers(self) -> Any:
+        config = self.config
+        optimizer: torch.optim.Optimizer
+        if config.weight_decay:
+            optimizer = torch.optim.AdamW(self.parameters(), config.learning_rate, weight_decay=config.weight_decay)
+        else:
+            optimizer = torch.optim.Adam(self.parameters(), config.learning_rate)
+        if config.schedule == "constant":
+            return optimizer
+        return [optimizer], [torch.optim.lr_scheduler.CosineAnnealingLR(optimizer, config.epochs)]
+
+
+class SelectionModule(_Module):
+    """Cross-entropy over (holds, fails) (paper, section II-B)."""
+
+    config: SelectionTraining
+
+    def metrics(self, batch: Batch) -> dict[str, Tensor]:
+        logits = self.network(batch.graphs)
+        right = logits.argmax(1) == batch.wanted
+        return {"loss": functional.cross_entropy(logits, batch.wanted), "accuracy": right.float().mean()}
+
+
+class DynamicsModule(_Module):
+    """Error of the 7-D displacement of every block, in units of its scale (paper, section II-C)."""
+
+    config: DynamicsTraining
+
+    def metrics(self, batch: Batch) -> dict[str, Tensor]:
+        said = self.network(batch.graphs)
+        if self.config.loss == "mse":
+            return {"loss": functional.mse_loss(said, batch.wanted)}
+        return {"loss": functional.huber_loss(said, batch.wanted, delta=self.config.huber_delta)}

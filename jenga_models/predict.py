@@ -1,0 +1,107 @@
+"""Trained models on live towers: which pulls fail, and what becomes of a tower under 100 actions at once."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from jaxtyping import Float
+from torch import Tensor
+
+from jenga_data.errors import JengaError
+from jenga_data.tower import TowerState
+from jenga_models.checkpoint import Checkpoint, Kind, load
+from jenga_models.columns import Towers
+from jenga_models.features import feature_slices, raw_nodes
+
+
+def opened(checkpoint: Checkpoint | Path | str, kind: Kind) -> Checkpoint:
+    """A checkpoint of that kind, read from its folder if it is not at hand.
+
+    Raises:
+        JengaError: it cannot be read, or is of the other kind.
+    """
+    return (checkpoint if isinstance(checkpoint, Checkpoint) else load(checkpoint)).require(kind)
+
+
+class Selector:
+    """Says how likely pulling a block ends in a failure, for all blocks of a tower in one forward pass."""
+
+    def __init__(self, checkpoint: Checkpoint | Path | str) -> None:
+        self.checkpoint = opened(checkpoint, "selection")
+
+    def failure_probability(self, state: TowerState, targets: Sequence[int]) -> Float[np.ndarray, " target"]:
+        """Probability of a failure of pulling each target from the same tower, in the order of `targets`.
+
+        Raises:
+            JengaError: a target is no block of the tower.
+        """
+        unknown = [target for target in targets if not 0 <= target < len(state.blocks)]
+        if unknown:
+            raise JengaError(f"no block {unknown[0]} in a tower of {len(state.blocks)}, numbered from 0")
+        if not len(targets):
+            return np.zeros(0)
+        featurizer = self.checkpoint.featurizer
+        towers = Towers.of_state(state, np.asarray(targets))
+        one = slice(0, towers.offset[1])
+        graphs = featurizer.graphs(
+            raw_nodes(featurizer.spec, towers),
+            torch.tensor(towers.upper[one]),
+            torch.tensor(towers.lower[one]),
+            target=torch.tensor(towers.target),
+        )
+        with torch.inference_mode():
+            return self.checkpoint.model(graphs).double().softmax(-1)[:, 1].numpy()
+
+
+class LearnedDynamics:
+    """A simulator for one decision at a time: one topology, then any number of steps of many samples.
+
+    The support graph is that of the tower at `start`; samples share it for the whole horizon (a few centimetres
+    of motion change little of what rests on what), so that no graph is composed between two steps.
+    """
+
+    def __init__(self, checkpoint: Checkpoint | Path | str, device: str | torch.device = "cpu") -> None:
+        self.checkpoint = opened(checkpoint, "dynamics")
+        self.device = torch.device(device)
+        self._model = self.checkpoint.model.to(self.device)
+        self._featurizer = self.checkpoint.featurizer.to(self.device)
+        self._simulator = self.checkpoint.simulator.to(self.device)
+        self._pose_columns = feature_slices(self.checkpoint.spec).get("block_pose")
+
+    def start(self, state: TowerState, target: int) -> None:
+        """Fix the blocks, the topology and the target; the tower is turned so that its target lies along x.
+
+        Raises:
+            JengaError: the target is no block of the tower.
+        """
+        blocks = len(state.blocks)
+        if not 0 <= target < blocks:
+            raise JengaError(f"no block {target} in a tower of {blocks}, numbered from 0")
+        towers = Towers.of_poses(
+            state.blocks.size[None],
+            state.blocks.mass[None],
+            state.pose[None],
+            state.layout.level[None],
+            state.layout.slot[None],
+            np.array([target]),
+        )
+        self._node = raw_nodes(self.checkpoint.spec, towers)[0].to(self.device)
+        self._upper, self._lower = (torch.tensor(end, device=self.device) for end in (towers.upper, towers.lower))
+        self._target = torch.tensor([target], device=self.device)
+        self._is_target = (torch.arange(blocks, device=self.device) == target).float()
+
+    def step(
+        self, pose: Float[Tensor, "sample block 7"], action: Float[Tensor, "sample 3"]
+    ) -> Float[Tensor, "sample block 7"]:
+        """Poses one control step later, for each sample its own poses [m] and displacement of the gripper [m]."""
+        samples = len(pose)
+        node = self._node.expand(samples, -1, -1)
+        if self._pose_columns is not None:
+            node = node.clone()
+            node[..., self._pose_columns] = pose
+        target = self._target.expand(samples)
+        graphs = self._featurizer.graphs(node, self._upper, self._lower, target, action=action)
+        with torch.inference_mode():
+            output = self._model(graphs)
+            return self._simulator.next_pose(pose, output, action[:, None, :], self._is_target)

@@ -1,0 +1,160 @@
+"""Training from a dataset to a checkpoint: deterministic for a seed, resumable at epoch boundaries, quiet."""
+
+import shutil
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from jaxtyping import Int
+from lightning.pytorch import LightningModule
+from torch import Tensor
+
+from jenga_data.errors import JengaError
+from jenga_data.graph import GraphSpec, graph_spec
+from jenga_models.callbacks import KeepBest, MetricLog
+from jenga_models.checkpoint import load, save
+from jenga_models.columns import Rows, Towers, dataset_name
+from jenga_models.config import DynamicsTraining, SelectionTraining, Training
+from jenga_models.data import GraphData, GraphStore
+from jenga_models.features import Featurizer
+from jenga_models.loop import fit
+from jenga_models.modules import DynamicsModule, SelectionModule
+from jenga_models.normalisation import Normalisation
+from jenga_models.registry import build
+from jenga_models.run_folder import RunFolder
+from jenga_models.scaling import fit_features, fit_targets
+from jenga_models.simulator import Simulator
+
+
+@dataclass(frozen=True)
+class TrainResult:
+    """Where the checkpoint stands and how training went.
+
+    `metrics` are those of the epoch whose weights were kept (`epoch`, from 0), out of `epochs` that were run.
+    """
+
+    path: Path
+    hash: str
+    metrics: dict[str, float]
+    seconds: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Problem:
+    """What is left of a dataset when training starts."""
+
+    store: GraphStore
+    wanted: Tensor
+    normalisation: Normalisation
+    module: Callable[[torch.nn.Module, Any], LightningModule]
+
+
+def train_selection(dataset: Rows, config: SelectionTraining, out: Path, resume: bool = False) -> TrainResult:
+    """Train a selector on the labels of a selection dataset.
+
+    On one platform and number of threads, a seed always gives the same weights, also when training was
+    interrupted and resumed.
+
+    Args:
+        dataset: as `jenga_data.dataset.read.open_dataset` gives it.
+        out: the checkpoint's folder. It must not exist yet, unless `resume` takes an interrupted training up.
+
+    Raises:
+        JengaError: the dataset does not fit, the folder exists or does not, or the loss diverged.
+        KeyboardInterrupt: Ctrl-C; what was reached after the last whole epoch can be resumed.
+    """
+
+    def prepare(spec: GraphSpec, train: Int[np.ndarray, " row"]) -> _Problem:
+        store = GraphStore.of(spec, Towers.of_dataset(dataset))
+        wanted = torch.from_numpy(dataset.column(config.label).astype(np.int64))
+        return _Problem(store, wanted, fit_features(config, spec, store, train), SelectionModule)
+
+    return _train("selection", dataset, config, Path(out), resume, prepare)
+
+
+def train_dynamics(dataset: Rows, config: DynamicsTraining, out: Path, resume: bool = False) -> TrainResult:
+    """Train a simulator on the transitions of a dynamics dataset; otherwise like `train_selection`."""
+
+    def prepare(spec: GraphSpec, train: Int[np.ndarray, " row"]) -> _Problem:
+        store = GraphStore.of(spec, Towers.of_dataset(dataset), dataset.column("action"))
+        assert store.action is not None
+        normalisation = fit_features(config, spec, store, train)
+        pose, after = (torch.tensor(dataset.column(name)) for name in ("block_pose", "next_pose"))
+        is_target = torch.nn.functional.one_hot(store.target, store.blocks).to(pose.dtype)
+        motion = (pose, after, store.action[:, None, :], is_target)
+        raw = Simulator.of(normalisation, config.residual_to_action).output_for(*motion)
+        mean, scale = fit_targets(
+            config.scale_targets, raw[train], is_target[train], standing=~dataset.column("collapsed")[train]
+        )
+        normalisation = replace(normalisation, delta_mean=mean, delta_scale=scale)
+        wanted = Simulator.of(normalisation, config.residual_to_action).output_for(*motion)
+        return _Problem(store, wanted, normalisation, DynamicsModule)
+
+    return _train("dynamics", dataset, config, Path(out), resume, prepare)
+
+
+def _train(
+    kind: str,
+    dataset: Rows,
+    config: Training,
+    out: Path,
+    resume: bool,
+    prepare: Callable[[GraphSpec, Int[np.ndarray, " row"]], _Problem],
+) -> TrainResult:
+    started = time.monotonic()
+    train, validation = _split(kind, dataset, config)
+    folder = RunFolder(out, kind, config, dataset.hash)
+    if resume and folder.finished():
+        done = load(out)
+        return TrainResult(out, done.hash, done.metrics, time.monotonic() - started)
+    ready_state = folder.find_state() if resume else folder.refuse_existing()
+
+    spec = graph_spec(config.graph)
+    problem = prepare(spec, train)
+    featurizer = Featurizer(spec, config.flow, config.edge_attributes, problem.normalisation)
+    module = problem.module(build(config, spec.node_width, featurizer.edge_width), config)
+    data = GraphData(
+        problem.store,
+        featurizer,
+        problem.wanted,
+        train=train,
+        validation=validation,
+        batch_size=config.batch_size,
+        seed=config.seed,
+    )
+    folder.begin()
+    log, best = MetricLog(folder.metrics), KeepBest(config.patience)
+    fit(kind, config, module, data, log, best, folder, ready_state)
+
+    module.load_state_dict(best.weights)
+    metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
+    network = module.get_submodule("network")
+    save(out, network, config, spec, problem.normalisation, dataset, metrics)
+    shutil.rmtree(folder.state)
+    return TrainResult(out, load(out).hash, metrics, time.monotonic() - started)
+
+
+def _split(kind: str, dataset: Rows, config: Training) -> tuple[Int[np.ndarray, " row"], Int[np.ndarray, " row"]]:
+    """Rows to train on and rows to validate on.
+
+    Raises:
+        JengaError: the dataset is of another kind, or a side that is needed is empty.
+    """
+    name = dataset_name(dataset)
+    if dataset.manifest.kind != kind:
+        raise JengaError(f"{name} is a {dataset.manifest.kind} dataset; wanted: {kind}")
+    train, validation = (np.sort(dataset.rows(split)).astype(np.int64) for split in ("train", "validation"))
+    if config.train_on_validation:
+        train, validation = np.sort(np.concatenate([train, validation])), validation[:0]
+    if len(train) == 0:
+        raise JengaError(f"{name} has no training rows; convert more episodes")
+    if config.patience and len(validation) == 0:
+        raise JengaError(
+            f"{name} has no validation rows to stop early by; convert more towers, or set patience to 0 "
+            "and train_on_validation"
+        )
+    return train, validation
