@@ -1,0 +1,128 @@
+"""What an episode's file says of the whole episode: the header as metadata and /tower, and back."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from jenga_data.episode import EpisodeHeader
+from jenga_data.errors import JengaError
+from jenga_data.log import codec, profile
+from jenga_data.log.gather import Raw
+
+_NEEDED = ("key", "kind", "seed", "number", "control_step_ns")
+
+
+def write_metadata(header: EpisodeHeader) -> dict[str, str]:
+    """The metadata record "jenga"."""
+    return {
+        "version": profile.version_text(),
+        "key": header.key,
+        "kind": header.kind,
+        "seed": str(header.seed),
+        "number": str(header.number),
+        "checkpoint": header.checkpoint,
+        "control_step_ns": str(header.control_step_ns),
+    } | _repeated(header)
+
+
+def _repeated(header: EpisodeHeader) -> dict[str, str]:
+    """What /tower says too; repeated so that a search of files need not read messages."""
+    return {
+        "round": str(header.round),
+        "target": str(header.target),
+        "turn": str(header.turn),
+        "face": str(header.face),
+        "tower": header.blocks.tower,
+    }
+
+
+def write_config(config: Mapping[str, Any]) -> bytes:
+    """The attachment config.json: the same bytes for the same config, whatever the order of its keys."""
+    return json.dumps(config, sort_keys=True, indent=1, allow_nan=False).encode() + b"\n"
+
+
+def check_kind(path: Path, raw: Raw) -> None:
+    """Refuse what is no episode, or one of another major profile version.
+
+    Raises:
+        JengaError: with what was found and the way out.
+    """
+    metadata = raw.metadata.get(profile.EPISODE_METADATA)
+    if raw.profile == profile.PREDICTION_PROFILE:
+        raise JengaError(f"{path} is a model's prediction; give the episode that lies beside it")
+    if metadata is None:
+        if raw.damage:
+            return  # It may have been there: the damage is what to say.
+        raise JengaError(f"{path} is no jenga episode: it has no metadata record {profile.EPISODE_METADATA!r}")
+    check_version(path, metadata.get("version", ""))
+
+
+def check_version(path: Path, text: str) -> None:
+    """Refuse another major profile version, older or newer.
+
+    Raises:
+        JengaError: with both versions and the way out.
+    """
+    major = text.partition(".")[0]
+    if major == str(profile.VERSION[0]):
+        return
+    out = "read it with the jenga that wrote it (its metadata record 'provenance' says which)"
+    if major.isascii() and major.isdigit() and int(major) > profile.VERSION[0]:
+        out = "install a newer jenga"
+    raise JengaError(f"{path} has profile version {text!r}, this jenga reads {profile.VERSION[0]}.x; {out}")
+
+
+def read_header_of(raw: Raw) -> EpisodeHeader:
+    """The header from metadata, /tower and config.json.
+
+    Raises:
+        ValueError: something is missing, out of range or contradicts itself.
+    """
+    metadata = raw.metadata.get(profile.EPISODE_METADATA, {})
+    if missing := [name for name in _NEEDED if not metadata.get(name)]:
+        raise ValueError(f"metadata record {profile.EPISODE_METADATA!r} lacks {', '.join(missing)}")
+    towers = raw.messages.get(profile.TOWER, [])
+    if len(towers) != 1:
+        raise ValueError(f"{len(towers)} messages on {profile.TOWER}; needed: 1")
+    blocks, layout, tower = codec.read_tower(towers[0][1])
+    header = EpisodeHeader(
+        key=metadata["key"],
+        kind=metadata["kind"],
+        seed=_whole(metadata, "seed"),
+        number=_whole(metadata, "number"),
+        blocks=blocks,
+        layout=layout,
+        target=tower.target,
+        turn=tower.turn,
+        face=tower.face,
+        config=_read_config(raw.attachments.get(profile.CONFIG)),
+        checkpoint=metadata.get("checkpoint", ""),
+        provenance=dict(raw.metadata.get(profile.PROVENANCE_METADATA, {})),
+        control_step_ns=_whole(metadata, "control_step_ns"),
+    )
+    if header.control_step_ns <= 0:
+        raise ValueError(f"control_step_ns is {header.control_step_ns}; allowed: more than 0")
+    for name, value in _repeated(header).items():
+        if metadata.get(name, value) != value:
+            raise ValueError(f"metadata says {name} = {metadata[name]}, {profile.TOWER} says {value}")
+    return header
+
+
+def _whole(metadata: Mapping[str, str], name: str) -> int:
+    try:
+        return int(metadata[name])
+    except ValueError:
+        raise ValueError(f"metadata {name} is {metadata[name][:40]!r}; allowed: a whole number") from None
+
+
+def _read_config(data: bytes | None) -> dict[str, Any]:
+    if data is None:
+        return {}
+    try:
+        config = json.loads(data)
+    except (ValueError, RecursionError):
+        raise ValueError(f"attachment {profile.CONFIG} is no JSON") from None
+    if not isinstance(config, dict):
+        raise ValueError(f"attachment {profile.CONFIG} is no JSON object")
+    return config

@@ -1,0 +1,65 @@
+"""What the MCAP files of this project hold: names, versions and limits. The messages stand in proto/jenga.proto."""
+
+from typing import Any, Final
+
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+
+PROFILE: Final = "jenga"
+PREDICTION_PROFILE: Final = "jenga-prediction"
+VERSION: Final = (1, 0)
+"""Another major version cannot be read; a higher minor one only adds what may be ignored."""
+
+TOWER: Final = "/tower"
+STATE: Final = "/tower/state"
+CONTACTS: Final = "/tower/contacts"
+SIM: Final = "/sim/state"
+ACTION: Final = "/action"
+GRIPPER: Final = "/gripper"
+PHASE: Final = "/phase"
+OUTCOME: Final = "/outcome"
+TOPICS: Final = (TOWER, STATE, CONTACTS, SIM, ACTION, GRIPPER, PHASE, OUTCOME)
+"""What the reader reads. /tower and /tower/state are needed, the rest is not."""
+
+TF: Final = "/tf"
+ROBOT_DESCRIPTION: Final = "/robot_description"
+GRIPPER_DESCRIPTION: Final = "/gripper/robot_description"
+TEXT: Final = "/log"
+"""These four are for viewers only and can be made again from the others."""
+
+EPISODE_METADATA: Final = "jenga"
+PROVENANCE_METADATA: Final = "provenance"
+RECOVERY_METADATA: Final = "recovery"
+SCENE: Final = "scene.xml"
+CONFIG: Final = "config.json"
+
+CHUNK_BYTES: Final = 64 * 1024
+"""A killed process loses at most one unfinished chunk: about two frames of a full tower."""
+
+MAX_RECORD_BYTES: Final = 256 * 2**20
+"""No record or unpacked chunk is larger: what claims to be is damage or an attack, and is not allocated."""
+MAX_EPISODE_BYTES: Final = 2 * 2**30
+"""Most that is kept in memory of one episode: 60,000 frames of a full tower."""
+MAX_BLOCKS: Final = 1024
+"""Most blocks in a tower, and with it most levels."""
+
+
+def version_text(version: tuple[int, int] = VERSION) -> str:
+    return f"{version[0]}.{version[1]}"
+
+
+def schema_of(message: type[Message]) -> bytes:
+    """The serialized FileDescriptorSet that an MCAP schema record needs: the message's file and all it imports."""
+    files: dict[str, Any] = {}
+
+    def visit(file: Any) -> None:  # Its class depends on protobuf's backend.
+        if file.name not in files:
+            for dependency in file.dependencies:
+                visit(dependency)
+            files[file.name] = file
+
+    visit(message.DESCRIPTOR.file)
+    out = FileDescriptorSet()
+    for file in files.values():
+        file.CopyToProto(out.file.add())
+    return out.SerializeToString()
