@@ -1,0 +1,68 @@
+"""What the controller asks of a model of the tower, and two that answer: a learned one and the trivial one."""
+
+from typing import Protocol
+
+import numpy as np
+import torch
+from jaxtyping import Float, Int
+
+from jenga_data.tower import TowerState
+from jenga_models.predict import LearnedDynamics
+
+
+class Dynamics(Protocol):
+    """Predicts what becomes of a tower under many plans at once. Implement these two to plug in an own model."""
+
+    def start(self, state: TowerState, target: int) -> None:
+        """The tower now, its target turned along x; every rollout starts here until the next call."""
+        ...
+
+    def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
+        """Poses in the world before the first action and after each, of every plan; actions are displacements [m]."""
+        ...
+
+
+def target_moves(
+    pose: Float[np.ndarray, "*batch block 7"],
+    action: Float[np.ndarray, "*batch 3"],
+    target: Int[np.ndarray, "*#batch"],
+) -> Float[np.ndarray, "*batch block 7"]:
+    """The trivial prediction: the target moves by the action and keeps its rotation, nothing else moves."""
+    moved = pose.copy()
+    is_target = np.arange(pose.shape[-2]) == np.asarray(target)[..., None]
+    moved[..., :3] += is_target[..., None] * action[..., None, :]
+    return moved
+
+
+class NothingMoves:
+    """The trivial dynamics: every other block stays. With it the full objective is the naive one."""
+
+    def start(self, state: TowerState, target: int) -> None:
+        self._pose, self._target = state.pose.copy(), np.asarray(target)
+
+    def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
+        travelled = np.pad(np.cumsum(actions, axis=1), ((0, 0), (1, 0), (0, 0)))
+        pose = np.broadcast_to(self._pose, (*travelled.shape[:2], *self._pose.shape))
+        return target_moves(pose, travelled, self._target)
+
+
+class Learned:
+    """A trained graph network simulator, all samples of a step in one forward pass."""
+
+    def __init__(self, model: LearnedDynamics) -> None:
+        self._model = model
+
+    def start(self, state: TowerState, target: int) -> None:
+        self._model.start(state, target)
+        self._pose = state.pose.copy()
+
+    def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
+        samples, horizon, _ = actions.shape
+        with torch.inference_mode():
+            device = self._model.device
+            pose = torch.as_tensor(self._pose, dtype=torch.float32, device=device).expand(samples, -1, -1)
+            plan = torch.as_tensor(actions, dtype=torch.float32, device=device)
+            poses = [pose]
+            for step in range(horizon):
+                poses.append(self._model.step(poses[-1], plan[:, step]))
+            return torch.stack(poses, dim=1).cpu().double().numpy()
