@@ -1,15 +1,16 @@
 """What the controller asks of a model of the tower, and two that answer: a learned one and the trivial one."""
 
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
+from torch import Tensor
 
 from jenga_data.tower import TowerState
-from jenga_models.predict import LearnedDynamics
 
 
+@runtime_checkable
 class Dynamics(Protocol):
     """Predicts what becomes of a tower under many plans at once. Implement these two to plug in an own model."""
 
@@ -46,10 +47,27 @@ class NothingMoves:
         return target_moves(pose, travelled, self._target)
 
 
+@runtime_checkable
+class StepModel(Protocol):
+    """Takes many samples of one tower a control step on; `jenga_models.predict.LearnedDynamics` is one."""
+
+    device: torch.device
+
+    def start(self, state: TowerState, target: int) -> None:
+        """Fix the blocks, their topology and the target."""
+        ...
+
+    def step(
+        self, pose: Float[Tensor, "sample block 7"], action: Float[Tensor, "sample 3"]
+    ) -> Float[Tensor, "sample block 7"]:
+        """Poses one control step later."""
+        ...
+
+
 class Learned:
     """A trained graph network simulator, all samples of a step in one forward pass."""
 
-    def __init__(self, model: LearnedDynamics) -> None:
+    def __init__(self, model: StepModel) -> None:
         self._model = model
 
     def start(self, state: TowerState, target: int) -> None:

@@ -90,7 +90,7 @@ def horizon_report(rows: Predictions) -> dict[str, Any]:
                 {kind: np.where(counted, squared, 0.0).sum(1) for kind, squared in errors.items()}
                 for errors in (model, baseline)
             )
-            blocks = counted.sum()
+            blocks = float(counted.sum())
             interval = ratio_bootstrap(error["position"], reference["position"], rows.tower)
             report |= {
                 f"skill_{who}": _known(1 - _ratio(error["position"].sum(), reference["position"].sum())),

@@ -1,7 +1,7 @@
 """Which block next: all legal targets of a tower by how likely pulling them fails."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -10,6 +10,7 @@ from jenga_data.errors import JengaError
 from jenga_data.tower import TowerState
 
 
+@runtime_checkable
 class Selector(Protocol):
     """What ranking asks of a model; `jenga_models.predict.Selector` is one, yours can be another."""
 

@@ -1,13 +1,13 @@
-from typing import cast
-
 import numpy as np
 import pytest
 import torch
+from made_up_dataset import dynamics_dataset, nominal_pose, untrained
 
 from jenga_control.cost import CostConfig, plan_cost
-from jenga_control.dynamics import Learned, NothingMoves, target_moves
+from jenga_control.dynamics import Learned, NothingMoves, StepModel, target_moves
 from jenga_data.blocks import sample_blocks
 from jenga_data.tower import Layout, TowerState
+from jenga_models.config import DynamicsTraining
 from jenga_models.predict import LearnedDynamics
 
 
@@ -26,7 +26,7 @@ ACTIONS = np.random.default_rng(1).normal(size=(4, 5, 3)) * 1e-3
 class Drift:
     """Stands in for a trained model: the target follows the action, every block rises by a tenth of a millimetre."""
 
-    device = "cpu"
+    device = torch.device("cpu")
 
     def start(self, state, target):
         self.target = target
@@ -49,7 +49,7 @@ class Trained(Drift):
 
 
 def learned():
-    return Learned(cast("LearnedDynamics", Drift()))
+    return Learned(Drift())
 
 
 @pytest.mark.parametrize("make", [NothingMoves, learned])
@@ -100,7 +100,7 @@ def test_the_learned_model_is_stepped_on_its_own_predictions():
 
 
 def test_the_learned_model_keeps_no_gradients():
-    dynamics = Learned(cast("LearnedDynamics", Trained()))
+    dynamics = Learned(Trained())
     dynamics.start(tower(), 0)
     assert np.isfinite(dynamics.rollout(ACTIONS)).all()
 
@@ -110,3 +110,24 @@ def test_each_row_has_its_own_target():
     moved = target_moves(pose, np.array([[1.0, 2, 3]] * 3), np.array([0, 2, 3]))
     assert np.argwhere(moved[..., 0]).tolist() == [[0, 0], [1, 2], [2, 3]]
     assert not pose.any()
+
+
+def test_a_checkpoint_predicts_rollouts(tmp_path):
+    dataset = dynamics_dataset()
+    config = DynamicsTraining(width=8, hidden_layers=1)
+    model = LearnedDynamics(untrained(tmp_path / "gns", config, dataset))
+    assert isinstance(model, StepModel)
+    dynamics, blocks = Learned(model), 9
+    state = TowerState(
+        sample_blocks("nominal", np.random.default_rng(0), blocks),
+        Layout.fresh(np.arange(blocks)),
+        nominal_pose(),
+        np.zeros((blocks, 6)),
+    )
+    dynamics.start(state, 4)
+    poses = dynamics.rollout(ACTIONS)
+    assert poses.shape == (4, 6, 9, 7)
+    np.testing.assert_allclose(np.linalg.norm(poses[..., 3:], axis=-1), 1, atol=1e-5)
+    # Samples do not see each other, but the accuracy of a product depends on how many there are.
+    np.testing.assert_allclose(dynamics.rollout(ACTIONS[2:3])[0], poses[2], atol=1e-4)
+    assert not np.allclose(poses[0], poses[1])
