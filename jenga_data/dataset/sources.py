@@ -1,0 +1,167 @@
+"""The logs that a dataset is made from: found in folders, hashed, and freed of copies."""
+
+import hashlib
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from jenga_data.dataset.schema import DATASET_KIND
+from jenga_data.episode import EpisodeHeader, Result
+from jenga_data.errors import JengaError
+from jenga_data.log.files import file_sha256
+from jenga_data.log.output import PARTIAL
+from jenga_data.log.reader import read_header
+from jenga_data.outcome import Outcome
+from jenga_data.progress import progress
+
+_LOG = logging.getLogger(__name__)
+_PREDICTION = ".prediction.mcap"
+
+
+@dataclass(frozen=True)
+class Source:
+    """One log, as far as it is kept in memory. Fields other than `path` are columns of `episodes.parquet`."""
+
+    path: Path
+    episode: str
+    kind: str
+    seed: int
+    number: int
+    config: str
+    checkpoint: str
+    tower: str
+    round: int
+    target: int
+    turn: int
+    face: int
+    failure: bool
+    strict_failure: bool
+    dragged: bool
+    outcome: str
+    moved: float
+    cause: str
+    clear_frame: int
+    control_step_ns: int
+    log_sha256: str
+    log_bytes: int
+    commit: str
+    versions: str
+
+
+@dataclass(frozen=True)
+class Sources:
+    """All logs of a dataset, each once and in order; `configs` by their hash."""
+
+    kind: str
+    blocks: int
+    logs: list[Source]
+    configs: dict[str, dict[str, Any]]
+
+    @property
+    def valid(self) -> list[Source]:
+        """The episodes that make rows: all but those whose physics broke."""
+        return [s for s in self.logs if s.outcome != Outcome.INVALID]
+
+
+def find_logs(folders: Sequence[Path]) -> list[Path]:
+    """All finished logs below the folders, without the predictions that lie beside them.
+
+    A file may be given in place of a folder.
+
+    Raises:
+        JengaError: a folder is missing, holds no log, or holds one that was never finished.
+    """
+    found: dict[Path, None] = {}
+    for folder in folders:
+        if not folder.exists():
+            raise JengaError(f"no such folder: {folder}; collect episodes into it with `jenga collect`")
+        partial = sorted(folder.rglob(f"*.mcap{PARTIAL}"))
+        unfinished = [p for p in partial if not p.with_name(p.name.removesuffix(PARTIAL)).exists()]
+        if unfinished:
+            more = f" and {len(unfinished) - 1} more" if len(unfinished) > 1 else ""
+            raise JengaError(
+                f"{unfinished[0]}{more} never finished: run the same `jenga collect` again, or `jenga log recover`"
+            )
+        logs = [folder] if folder.is_file() else sorted(folder.rglob("*.mcap"))
+        logs = [p for p in logs if not p.name.endswith(_PREDICTION)]
+        if not logs:
+            raise JengaError(f"no log (*.mcap) in {folder}; collect some with `jenga collect --out {folder}`")
+        found |= dict.fromkeys(p.resolve() for p in logs)
+    return list(found)
+
+
+def read_sources(folders: Sequence[Path]) -> Sources:
+    """Look at every log below the folders, without reading its frames.
+
+    Byte-identical copies count once. The result does not depend on the order of folders and files.
+
+    Raises:
+        JengaError: logs are damaged, unfinished, of different kinds or sizes, or contradict each other.
+    """
+    paths = find_logs(folders)
+    by_key: dict[str, Source] = {}
+    configs: dict[str, dict[str, Any]] = {}
+    kinds: dict[tuple[str, int], Path] = {}
+    with progress("read headers", len(paths)) as bar:
+        for path in paths:
+            header, result = read_header(path)
+            source = _source(path, header, result)
+            other = by_key.setdefault(source.episode, source)
+            if other.log_sha256 != source.log_sha256:
+                raise JengaError(f"two logs of episode {source.episode} differ: {other.path} and {path}; keep one")
+            configs[source.config] = header.config
+            kinds.setdefault((source.kind, len(header.blocks)), path)
+            bar.advance()
+    if len(kinds) > 1:
+        examples = "; ".join(f"{kind} of {blocks} blocks: {path}" for (kind, blocks), path in sorted(kinds.items()))
+        raise JengaError(f"logs of different kinds make no dataset ({examples}): convert them apart")
+    if len(by_key) < len(paths):
+        _LOG.warning("%d of %d logs are copies of others and count once", len(paths) - len(by_key), len(paths))
+    kind, blocks = next(iter(kinds))
+    logs = sorted(by_key.values(), key=lambda s: (s.seed, s.config, s.checkpoint, s.number, s.episode))
+    return Sources(DATASET_KIND[kind], blocks, logs, dict(sorted(configs.items())))
+
+
+def _source(path: Path, header: EpisodeHeader, result: Result | None) -> Source:
+    if result is None:
+        raise JengaError(f"{path} ends before its outcome: run `jenga log recover {path}`, or delete it")
+    if header.kind not in DATASET_KIND:
+        raise JengaError(f"{path} is of kind {header.kind!r}; allowed: {', '.join(DATASET_KIND)}")
+    try:
+        config = hashlib.sha256(msgspec.json.encode(header.config, order="deterministic")).hexdigest()[:16]
+    except (OverflowError, RecursionError) as error:
+        raise JengaError(f"{path} has a config that no manifest can hold: {error}") from error
+    # Of the provenance only these: the machine and the time have no place in a dataset.
+    versions = {k: v for k, v in header.provenance.items() if k.endswith("version")}
+    commits = [v for k, v in sorted(header.provenance.items()) if k.endswith("commit")]
+    verdict = result.verdict
+    return Source(
+        path=path,
+        episode=header.key,
+        kind=header.kind,
+        seed=header.seed,
+        number=header.number,
+        config=config,
+        checkpoint=header.checkpoint,
+        tower=header.blocks.tower,
+        round=header.round,
+        target=header.target,
+        turn=header.turn,
+        face=header.face,
+        failure=verdict.failure,
+        strict_failure=verdict.strict_failure,
+        dragged=verdict.dragged,
+        outcome=str(verdict.outcome),
+        moved=verdict.moved,
+        cause=result.cause,
+        clear_frame=verdict.clear_frame,
+        control_step_ns=header.control_step_ns,
+        log_sha256=file_sha256(path),
+        log_bytes=path.stat().st_size,
+        commit=" ".join(commits),
+        versions=msgspec.json.encode(versions, order="deterministic").decode(),
+    )

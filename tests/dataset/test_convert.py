@@ -1,0 +1,182 @@
+import logging
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jenga_data.dataset import staging
+from jenga_data.dataset.convert import convert
+from jenga_data.dataset.manifest import load_manifest
+from jenga_data.dataset.read import open_dataset
+from jenga_data.dataset.shards import EPISODES_A_SHARD
+from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.outcome import Outcome
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
+
+
+@pytest.fixture
+def two_folders(selection_logs, tmp_path) -> list[Path]:
+    """The same logs under other names, spread over two folders."""
+    for i, path in enumerate(sorted(selection_logs.iterdir())):
+        folder = tmp_path / ("one" if i % 2 else "two")
+        folder.mkdir(exist_ok=True)
+        shutil.copy(path, folder / f"{99 - i}.mcap")
+    return [tmp_path / "one", tmp_path / "two"]
+
+
+def test_converting_twice_gives_the_same_bytes(extraction_logs, dynamics, tmp_path):
+    convert([extraction_logs], tmp_path / "again", "test-dynamics", "1.0.0")
+    assert content(tmp_path / "again") == content(dynamics)
+
+
+def test_the_order_of_the_logs_does_not_matter(two_folders, selection, tmp_path):
+    convert(two_folders, tmp_path / "a", "test-selection", "1.0.0")
+    convert(two_folders[::-1], tmp_path / "b", "test-selection", "1.0.0")
+    assert content(tmp_path / "a") == content(tmp_path / "b") == content(selection)
+
+
+def test_copies_count_once_and_it_says_so(selection_logs, two_folders, selection, tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        convert([selection_logs, *two_folders], tmp_path / "out", "test-selection", "1.0.0")
+    assert "24 of 48 logs are copies" in caplog.text
+    assert content(tmp_path / "out") == content(selection)
+
+
+def test_predictions_beside_the_episodes_are_no_logs(selection_logs, selection, tmp_path):
+    shutil.copytree(selection_logs, tmp_path / "logs")
+    (tmp_path / "logs" / "selection-0000.one_step-abc.prediction.mcap").write_bytes(b"nothing")
+    convert([tmp_path / "logs"], tmp_path / "out", "test-selection", "1.0.0")
+    assert content(tmp_path / "out") == content(selection)
+
+
+def test_neither_host_nor_time_nor_path_gets_in(dataset_folder, selection_logs, extraction_logs):
+    for name, data in content(dataset_folder).items():
+        for secret in (b"secret-host", b"noon", str(selection_logs).encode(), str(extraction_logs).encode()):
+            assert secret not in data, name
+
+
+def test_new_logs_leave_the_files_of_old_ones_as_they_are(selection_logs, selection, episode_of, write, tmp_path):
+    more = tmp_path / "more"
+    for number in (EPISODES_A_SHARD, EPISODES_A_SHARD + 5):
+        write(episode_of("selection", number), more)
+    convert([selection_logs, more], tmp_path / "out", "test-selection", "1.1.0")
+    before, after = load_manifest(selection), load_manifest(tmp_path / "out")
+    assert set(before.data_files) < set(after.data_files)
+    assert len(after.data_files) == 2
+
+
+def test_episodes_with_broken_physics_are_counted_and_in_no_file(dynamics):
+    dataset = open_dataset(dynamics)
+    assert dataset.manifest.counts.invalid == 1
+    assert dataset.manifest.counts.outcome == {"collapsed": 3, "extracted": 4, "stuck": 4}
+    assert "extraction-0011" not in {*dataset.column("episode"), *dataset.episodes()["episode"]}
+    assert dataset.manifest.provenance.recipes[0].numbers == [(0, 11)]
+
+
+def test_provenance_tells_how_to_make_it_again(selection):
+    provenance = load_manifest(selection).provenance
+    recipe = provenance.recipes[0]
+    assert (recipe.seed, recipe.numbers) == (7, [(0, 23)])
+    assert provenance.configs[recipe.config] == {"rounds": [1, 15], "physics": {"friction": 0.35}}
+    assert provenance.commits == ["abc"]
+    assert provenance.versions == {"mujoco_version": ["4.0.0"]}
+
+
+def test_an_output_that_exists_is_refused(selection_logs, tmp_path):
+    (tmp_path / "out").mkdir()
+    with pytest.raises(JengaError, match="out exists"):
+        convert([selection_logs], tmp_path / "out", "a", "1.0.0")
+
+
+@pytest.mark.parametrize(("name", "version"), [("A", "1.0.0"), ("a@b", "1.0.0"), ("../a", "1.0.0"), ("a", "1.0")])
+def test_bad_names_and_versions_are_refused(selection_logs, tmp_path, name, version):
+    with pytest.raises(JengaError, match=r"bad (dataset name|version)"):
+        convert([selection_logs], tmp_path / "out", name, version)
+
+
+def refusal(logs: list[Path], out: Path) -> str:
+    """The message that converting gives; nothing may be left beside `out`."""
+    before = set(out.parent.iterdir())
+    with pytest.raises(JengaError) as caught:
+        convert(logs, out, "a", "1.0.0")
+    assert set(out.parent.iterdir()) == before
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def test_no_logs_are_refused(tmp_path):
+    assert "no such folder" in refusal([tmp_path / "none"], tmp_path / "out")
+    (tmp_path / "empty").mkdir()
+    assert "no log (*.mcap)" in refusal([tmp_path / "empty"], tmp_path / "out")
+
+
+def test_kinds_and_sizes_are_not_mixed(selection_logs, extraction_logs, tmp_path):
+    message = refusal([selection_logs, extraction_logs], tmp_path / "out")
+    assert "extraction of 6 blocks" in message
+    assert "selection of 6 blocks" in message
+
+
+def test_an_unfinished_log_is_refused_with_the_way_out(selection_logs, episode_of, write, tmp_path):
+    write(replace(episode_of("selection", 99), result=None), tmp_path / "logs")
+    message = refusal([selection_logs, tmp_path / "logs"], tmp_path / "out")
+    assert "selection-0099.mcap.partial never finished" in message
+    assert "jenga log recover" in message
+
+
+def test_a_log_without_outcome_is_refused_with_the_way_out(episode_of, write, tmp_path):
+    path = write(replace(episode_of("selection", 99), result=None), tmp_path / "logs")
+    whole = write(episode_of("selection", 99), tmp_path / "whole").read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    path.with_name(path.name + ".partial").unlink()
+    assert "jenga log recover" in refusal([tmp_path / "logs"], tmp_path / "out")
+
+
+def test_a_damaged_log_is_refused_with_the_way_out(episode_of, write, tmp_path):
+    path = [write(episode_of("selection", number), tmp_path / "logs") for number in range(4)][-1]
+    data = bytearray(path.read_bytes())
+    at = data.find(b"zstd", len(data) // 4) + 40
+    data[at] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(CheckFailed, match=r"jenga log (recover|doctor)"):
+        convert([tmp_path / "logs"], tmp_path / "out", "a", "1.0.0")
+    assert [p.name for p in tmp_path.iterdir()] == ["logs"]
+
+
+def test_two_different_logs_of_one_episode_are_refused(selection_logs, episode_of, write, tmp_path):
+    write(episode_of("selection", 3, Outcome.COLLAPSED), tmp_path / "logs")
+    message = refusal([selection_logs, tmp_path / "logs"], tmp_path / "out")
+    assert "two logs of episode selection-0003 differ" in message
+
+
+def test_a_dataset_without_rows_is_refused(episode_of, write, tmp_path):
+    for number in range(3):
+        none = np.zeros((0, 3))
+        episode = episode_of("extraction", number)
+        empty = replace(episode, action_frame=np.zeros(0, np.int64), action=none, action_reached=none)
+        write(empty, tmp_path / "logs")
+    assert "0 rows" in refusal([tmp_path / "logs"], tmp_path / "out")
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_an_interruption_leaves_nothing_behind(selection_logs, tmp_path, monkeypatch, error):
+    def interrupted(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("jenga_data.dataset.convert.file_entry", interrupted)
+    with pytest.raises((KeyboardInterrupt, JengaError)) as caught:
+        convert([selection_logs], tmp_path / "out", "a", "1.0.0")
+    assert list(tmp_path.iterdir()) == []
+    if isinstance(error, OSError):
+        assert "cannot write" in str(caught.value)
+        assert "No space left" in str(caught.value)
+
+
+def test_a_folder_that_appears_meanwhile_is_not_overwritten(tmp_path):
+    with pytest.raises(JengaError, match="exists"), staging.new_folder(tmp_path / "out"):
+        (tmp_path / "out").mkdir()
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]

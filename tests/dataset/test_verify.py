@@ -1,0 +1,146 @@
+import shutil
+
+import msgspec
+import numpy as np
+import pytest
+
+from jenga_data.dataset.manifest import MANIFEST, canonical_bytes, load_manifest, sealed
+from jenga_data.dataset.schema import EPISODES
+from jenga_data.dataset.verify import CHECKS, verify
+
+
+def failed(folder) -> dict[str, str]:
+    """Detail of every check that did not pass."""
+    return {name: check.detail for name, check in verify(folder).checks.items() if not check.ok}
+
+
+def test_a_fresh_dataset_passes_every_check(dataset_folder):
+    report = verify(dataset_folder)
+    assert report.ok, failed(dataset_folder)
+    assert tuple(report.checks) == CHECKS
+    assert report.hash == load_manifest(dataset_folder).hash
+
+
+def test_the_report_is_plain_json(selection):
+    found = msgspec.json.decode(msgspec.json.encode(verify(selection).as_dict()))
+    assert found["ok"] is True
+    assert found["checks"]["splits"] == {"ok": True, "detail": "24 towers"}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 0.999])
+def test_one_flipped_bit_in_any_file_is_found_and_the_file_named(selection, tmp_path, share):
+    for entry in [MANIFEST, *(f.path for f in load_manifest(selection).files)]:
+        folder = tmp_path / entry.replace("/", "-")
+        shutil.copytree(selection, folder)
+        data = bytearray((folder / entry).read_bytes())
+        data[int(share * len(data))] ^= 1
+        (folder / entry).write_bytes(data)
+        report = verify(folder)
+        assert not report.ok
+        assert entry in report.checks["manifest" if entry == MANIFEST else "files"].detail
+        assert report.checks["edges"].detail.startswith("not run")
+
+
+def test_missing_and_extra_files_are_named(selection, tmp_path):
+    shutil.copytree(selection, tmp_path / "set")
+    path = load_manifest(selection).data_files[0].path
+    (tmp_path / "set" / path).rename(tmp_path / "set" / "data" / "new.parquet")
+    detail = failed(tmp_path / "set")["files"]
+    assert f"{path} is missing" in detail
+    assert "data/new.parquet is not in the manifest" in detail
+
+
+def reseal(folder, out, **changes):
+    shutil.copytree(folder, out)
+    manifest = msgspec.structs.replace(load_manifest(folder), **changes)
+    (out / MANIFEST).write_bytes(canonical_bytes(sealed(manifest)))
+    return out
+
+
+def test_a_tower_on_two_sides_is_a_leak(selection, tmp_path):
+    splits = load_manifest(selection).splits
+    leaky = msgspec.structs.replace(splits, train=[*splits.train, splits.test[0]])
+    found = failed(reseal(selection, tmp_path / "set", splits=leaky))
+    assert f"leak: tower {splits.test[0]} is on 2 sides" in found["splits"]
+
+
+def test_a_tower_on_no_side_and_one_of_nowhere_are_found(selection, tmp_path):
+    splits = load_manifest(selection).splits
+    changed = msgspec.structs.replace(splits, train=[*splits.train[1:], "nowhere"])
+    detail = failed(reseal(selection, tmp_path / "set", splits=changed))["splits"]
+    assert f"tower {splits.train[0]} is in no split" in detail
+    assert "tower nowhere is in a split and has no episode" in detail
+
+
+def test_the_same_blocks_under_two_names_are_a_leak(selection, forge):
+    def first_for_all(values):
+        return np.broadcast_to(values[:1], values.shape)
+
+    detail = failed(forge(selection, block_size=first_for_all, block_mass=first_for_all))["splits"]
+    assert detail.startswith("leak: the blocks of tower")
+
+
+def test_wrong_counts_are_found(selection, tmp_path):
+    counts = msgspec.structs.replace(load_manifest(selection).counts, outcome={"stuck": 24}, dragged=0)
+    detail = failed(reseal(selection, tmp_path / "set", counts=counts))["counts"]
+    assert "outcome: the manifest says {'stuck': 24}" in detail
+    assert "dragged" in detail
+
+
+def test_features_of_another_kind_are_found(selection, dynamics, tmp_path):
+    folder = reseal(selection, tmp_path / "set", features=load_manifest(dynamics).features)
+    assert "other features" in failed(folder)["manifest"]
+
+
+def test_a_file_with_other_columns_is_found(selection, dynamics, tmp_path):
+    found = failed(reseal(selection, tmp_path / "set", kind="dynamics", features=load_manifest(dynamics).features))
+    assert "next_pose" in found["schema"]
+
+
+def scaled(factor):
+    return lambda values: (values * factor).astype(values.dtype)
+
+
+def put(value):
+    """Write `value` in the middle of a column."""
+
+    def change(values):
+        values.reshape(-1)[values.size // 2] = value
+        return values
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("columns", "check", "message"),
+    [
+        ({"next_pose": scaled(1.001)}, "ranges", "next_pose has quaternions whose length is not 1"),
+        ({"block_twist": put(np.nan)}, "ranges", "block_twist is not finite"),
+        ({"target": put(6)}, "ranges", "target goes from 1 to 6; allowed: 0 to 5"),
+        ({"edge_lower": put(-1)}, "ranges", "edge_lower goes from -1"),
+        ({"block_mass": put(0)}, "ranges", "block_mass goes from 0"),
+        ({"edge_lower": put(5)}, "edges", "1 edges join blocks that do not lie on each other"),
+        ({"edge_lower": put(5)}, "edges", "1 pairs of blocks that lie on each other have no edge"),
+        ({"frame": put(0)}, "frames", "do not come after the one before"),
+        ({"episode": put("extraction-0099")}, "frames", "have their rows apart"),
+        ({"episode": put("extraction-0099")}, "episodes", "not in the table"),
+        ({"round": put(9)}, "episodes", "round differs between rows and episodes"),
+        ({"target_clear": put(True)}, "episodes", "target_clear does not follow"),
+        ({"action": scaled(2)}, "statistics", "of action is not that of the training rows"),
+        ({"tower": put("else")}, "splits", ""),
+    ],
+)
+def test_rows_that_were_forged_are_found(dynamics, forge, columns, check, message):
+    assert message in failed(forge(dynamics, **columns))[check]
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"failure": np.logical_not}, "failure or strict_failure does not follow"),
+        ({"rows": scaled(2)}, "not as many rows"),
+        ({"episode": lambda values: np.repeat(values[:1], len(values))}, "in the table twice"),
+    ],
+)
+def test_episodes_that_were_forged_are_found(dynamics, forge, columns, message):
+    assert message in failed(forge(dynamics, EPISODES, **columns))["episodes"]
