@@ -211,4 +211,6 @@ def check_dataset(checkpoint: Checkpoint, dataset: Rows) -> str:
     checkpoint.require(dataset.manifest.kind)
     if checkpoint.dataset.hash == dataset.hash:
         return ""
-    return f"{checkpoint.path} was trained on {checkpoint.dataset}, not on {dataset_name(dataset)}"
+    here = dataset_name(dataset)
+    other = " of another content" if here == str(checkpoint.dataset) else ""
+    return f"{checkpoint.path} was trained on {checkpoint.dataset}, not on {here}{other}"

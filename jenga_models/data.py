@@ -2,12 +2,14 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
 from jaxtyping import Float, Int
 from lightning.pytorch import LightningDataModule
 from torch import Tensor
+from torch.utils.data import DataLoader, Dataset, Sampler
 
 from jenga_data.graph import GraphSpec
 from jenga_models.columns import Towers
@@ -82,7 +84,7 @@ class Batch:
         return Batch(self.graphs.to(device, non_blocking), self.wanted.to(device, non_blocking=non_blocking))
 
 
-class EpochOrder:
+class EpochOrder(Sampler[Tensor]):
     """Which rows come when: a function of (seed, epoch, position) and of nothing else.
 
     A resumed run continues where it was by asking for the same epoch and position again.
@@ -92,6 +94,11 @@ class EpochOrder:
         """`seed` None keeps the rows in their order."""
         self.rows, self.batch_size, self.seed = rows, batch_size, seed
         self.epoch = 0
+
+    def __iter__(self) -> Iterator[Int[Tensor, " graph"]]:
+        # A generator, so that the epoch is read with the first batch: a resuming Lightning calls iter() before
+        # set_epoch().
+        yield from self.batches(self.epoch)
 
     def set_epoch(self, epoch: int) -> None:
         """Lightning calls this before each epoch."""
@@ -109,20 +116,20 @@ class EpochOrder:
             yield torch.from_numpy(rows[start : start + self.batch_size])
 
 
-class Loader:
-    """What Lightning iterates: the batches of the epoch that its sampler is set to."""
+class Batches(Dataset[Batch]):
+    """A dataset whose items are whole batches, asked for by their rows."""
 
-    def __init__(self, store: GraphStore, featurizer: Featurizer, wanted: Tensor, order: EpochOrder) -> None:
-        self.store, self.featurizer, self.wanted, self.sampler = store, featurizer, wanted, order
+    def __init__(self, store: GraphStore, featurizer: Featurizer, wanted: Tensor) -> None:
+        self.store, self.featurizer, self.wanted = store, featurizer, wanted
 
-    def __len__(self) -> int:
-        return len(self.sampler)
+    def __getitem__(self, rows: Int[Tensor, " graph"]) -> Batch:
+        wanted = self.wanted[rows]
+        graphs = self.store.batch(self.featurizer, rows)
+        return Batch(graphs, wanted.flatten(0, 1) if wanted.ndim == 3 else wanted)
 
-    def __iter__(self) -> Iterator[Batch]:
-        for rows in self.sampler.batches(self.sampler.epoch):
-            wanted = self.wanted[rows]
-            graphs = self.store.batch(self.featurizer, rows)
-            yield Batch(graphs, wanted.flatten(0, 1) if wanted.ndim == 3 else wanted)
+
+def _as_it_is(batch: Any) -> Any:
+    return batch
 
 
 class GraphData(LightningDataModule):
@@ -140,11 +147,15 @@ class GraphData(LightningDataModule):
         seed: int,
     ) -> None:
         super().__init__()
-        self._train = Loader(store, featurizer, wanted, EpochOrder(train, batch_size, seed))
-        self._validation = Loader(store, featurizer, wanted, EpochOrder(validation, 4 * batch_size, None))
+        self._batches = Batches(store, featurizer, wanted)
+        self._train = EpochOrder(train, batch_size, seed)
+        self._validation = EpochOrder(validation, 4 * batch_size, None)
 
-    def train_dataloader(self) -> Loader:
-        return self._train
+    def _loader(self, order: EpochOrder) -> DataLoader[Batch]:
+        return DataLoader(self._batches, sampler=order, batch_size=None, collate_fn=_as_it_is)
 
-    def val_dataloader(self) -> Loader | list[Loader]:
-        return self._validation if len(self._validation) else []
+    def train_dataloader(self) -> DataLoader[Batch]:
+        return self._loader(self._train)
+
+    def val_dataloader(self) -> DataLoader[Batch] | list[DataLoader[Batch]]:
+        return self._loader(self._validation) if len(self._validation) else []

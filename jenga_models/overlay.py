@@ -73,6 +73,8 @@ def predict_open_loop(checkpoint: Checkpoint | Path, episode: Episode, start: in
     """
     checkpoint = opened(checkpoint, "dynamics")
     frame, action = _actions(episode, start)
+    run = np.arange(len(frame)) + frame[0] == frame  # up to the first gap between actions
+    frame, action = frame[run], action[run]
     poses = [episode.pose[frame[0]]]
     for now in action:
         poses.append(advance(checkpoint, _towers(episode, poses[-1][None]), now[None])[0])
@@ -94,8 +96,8 @@ def predict_selection(checkpoint: Checkpoint | Path, episode: Episode) -> Predic
 
 
 def _actions(episode: Episode, start: int) -> tuple[Int[np.ndarray, " action"], Float[np.ndarray, "action 3"]]:
-    """Frames and displacements of the actions from `start` on, as far as they follow each other frame by frame."""
-    chosen = episode.action_frame >= start
+    """Frames and displacements of the actions from `start` on whose next frame was logged as well."""
+    chosen = (episode.action_frame >= start) & (episode.action_frame + 1 < len(episode.time_ns))
     frame, action = episode.action_frame[chosen], episode.action[chosen]
     if len(frame) == 0:
         last = f"the last is at frame {episode.action_frame[-1]}" if len(episode.action_frame) else "it has none"
