@@ -122,8 +122,9 @@ def test_calibration_error_of_a_calibrated_and_an_overconfident_predictor():
     assert expected_calibration_error(says, failure) == pytest.approx(0.15, abs=0.01)
 
 
-def test_calibration_error_takes_certainty():
+def test_certainty_belongs_to_the_last_bin():
     assert expected_calibration_error(np.array([1.0, 0.0]), np.array([True, False])) == 0
+    assert expected_calibration_error(np.array([1.0, 0.96]), np.array([False, True])) == pytest.approx(0.96 / 2)
 
 
 def test_spearman_sees_order_only():
