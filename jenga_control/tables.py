@@ -13,13 +13,15 @@ MISSING = "–"
 def number(value: Any) -> str:
     """One value as it stands in any table.
 
-    A proportion shows its interval, over towers where there is one, and its n. Counts are whole; other numbers have
-    two decimals, three significant digits below 0.1.
+    A proportion shows its n and the outer bounds of its intervals: the one over towers knows that rows of a tower
+    are alike, but shrinks to nothing where all rows agree. Counts are whole; other numbers have two decimals, three
+    significant digits below 0.1.
     """
     if value is None or (isinstance(value, float) and math.isnan(value)):
         return MISSING
     if isinstance(value, dict):
-        return f"{with_interval(value['rate'], value.get('ci95_towers') or value['ci95'])} (n = {value['n']:,})"
+        low, high = zip(value["ci95"], value.get("ci95_towers") or value["ci95"], strict=True)
+        return f"{with_interval(value['rate'], (min(low), max(high)))} (n = {value['n']:,})"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
@@ -59,7 +61,7 @@ def selection_tables(report: dict[str, Any]) -> str:
         markdown_table(
             ("Probabilities", "Value"),
             [
-                (label, with_interval(report[key], report[f"{key}_ci95"]))
+                (label, with_interval(report[key], report.get(f"{key}_ci95")))
                 for label, key in (("AUROC", "auroc"), ("Brier score", "brier"), ("calibration error", "ece"))
             ],
         ),
@@ -71,13 +73,15 @@ def selection_tables(report: dict[str, Any]) -> str:
 
 
 def dynamics_tables(report: dict[str, Any]) -> str:
-    """An evaluation of a dynamics model: skill and error by horizon, then the rows that are reported apart."""
+    """An evaluation of a dynamics model: skill and error by horizon, then the rows reported apart, if there are any."""
     titles = {"one_step": "1 step", "rollout_5": "5 steps", "rollout_51": "51 steps"}
     groups = {"": "pull", "after_clear": "target clear", "collapse": "collapse"}
     rows = []
     for key, kind in groups.items():
         for name, steps in titles.items():
             entry = report[name][key] if key else report[name]
+            if key and entry["n"] == 0:
+                continue
             rows += [
                 (
                     f"{kind}, {steps}, {who}",

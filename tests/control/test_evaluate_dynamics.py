@@ -142,7 +142,10 @@ def test_a_checkpoint_that_says_the_trivial_has_skill_zero_at_every_horizon(tmp_
         assert report[name]["trivial_rmse_mm_others"] == pytest.approx(creep, rel=0.2)
     assert {"skill_others", "skill_target", "rmse_mm_others", "rmse_mm_target"} <= set(report["rollout_51"])
     assert json.loads(to_json(report)) == report
-    assert "| pull, 51 steps, others |" in dynamics_tables(report)
+    text = dynamics_tables(report)
+    assert "| pull, 51 steps, others |" in text
+    assert "| target clear, 5 steps, target |" in text
+    assert "collapse" not in text
 
 
 def test_windows_are_of_the_test_split_and_rows_are_sorted_by_where_they_start(tmp_path):

@@ -32,7 +32,11 @@ def test_a_proportion_shows_its_interval_and_n():
     assert number(Proportion.of(hits[:0]).as_dict()) == "– (n = 0)"
 
 
-def test_the_interval_over_towers_is_the_one_that_is_shown():
+def test_the_wider_interval_is_the_one_that_is_shown():
+    all_fail = proportion_over_towers(np.zeros(8, bool), np.arange(8) // 2)
+    assert all_fail["ci95_towers"] == [0, 0]
+    assert number(all_fail) == "0.00 [0.00, 0.32] (n = 8)"
+
     every_row_of_a_tower_alike = np.repeat([True, False, True, True], 100)
     shown = proportion_over_towers(every_row_of_a_tower_alike, np.repeat(np.arange(4), 100))
     low, high = shown["ci95_towers"]
