@@ -30,8 +30,9 @@ def content_problems(raw: Raw) -> list[str]:
         result = result_of(raw)
         if result is None:
             problems.append(f"no {profile.OUTCOME}: the episode did not end")
-    except ValueError:
-        result = None  # `inspect` has said so already.
+    except ValueError as error:
+        result = None
+        problems.append(f"{profile.OUTCOME}: {error}")
     count = len(header.blocks)
     states = _decode(raw, profile.STATE, lambda data: codec.read_state(data, count), problems)
     contacts = _decode(raw, profile.CONTACTS, codec.read_contacts, problems)

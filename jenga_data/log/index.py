@@ -21,13 +21,13 @@ from mcap.records import (
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from jenga_data.log.records import HEAD, UNREADABLE, Damage, parse_record, read_record, size_of, unpack, walk
+from jenga_data.log.records import HEAD, UNREADABLE, Damage, parse_record, read_record, reason_of, size_of, unpack, walk
 
 _FOOTER_BYTES = HEAD.size + 20
 
 
 def select(stream: BinaryIO, topics: Collection[str], attachments: Collection[str]) -> Iterator[McapRecord | Damage]:
-    """Like `records.walk`, but only schemas, channels, metadata, the named attachments and the named topics' messages.
+    """Like `records.walk`, but of attachments and messages only those of the given names and topics.
 
     Reads only the summary, what it points to, and the chunks that hold these topics. A file without a complete
     index is walked from front to back.
@@ -35,7 +35,7 @@ def select(stream: BinaryIO, topics: Collection[str], attachments: Collection[st
     try:
         found = _indexed(stream, topics, attachments)
     except UNREADABLE as error:
-        yield Damage(size_of(stream), f"the index cannot be read: {error or type(error).__name__}")
+        yield Damage(size_of(stream), f"the index cannot be read: {reason_of(error)}")
         return
     yield from found if found is not None else walk(stream)
 
@@ -46,7 +46,8 @@ def _indexed(stream: BinaryIO, topics: Collection[str], attachments: Collection[
     if summary is None:
         return None
     channels = {channel.id for channel in summary.channels.values() if channel.topic in topics}
-    offsets = [index.offset for index in summary.metadata_indexes]
+    offsets = [len(MCAP0_MAGIC)]  # The file's header, which names the profile.
+    offsets += [index.offset for index in summary.metadata_indexes]
     offsets += [index.offset for index in summary.attachment_indexes if index.name in attachments]
     out: list[McapRecord] = [*summary.schemas.values(), *summary.channels.values()]
     out += [record for offset in offsets if (record := parse_record(read_record(stream, offset, size)))]

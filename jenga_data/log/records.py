@@ -26,7 +26,16 @@ from jenga_data.log.profile import MAX_RECORD_BYTES
 
 HEAD = struct.Struct("<BQ")
 """Opcode and length, before every record."""
-UNREADABLE = (McapError, ValueError, KeyError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError)
+UNREADABLE = (
+    McapError,
+    ValueError,
+    KeyError,
+    struct.error,
+    zstandard.ZstdError,
+    RuntimeError,
+    OverflowError,
+    MemoryError,
+)
 """What mcap, zstandard and lz4 raise on damaged bytes."""
 
 _KNOWN = frozenset(Opcode)
@@ -77,6 +86,11 @@ def one_line(path: Path) -> Iterator[None]:
         raise JengaError(f"cannot read {path}: {error.strerror or error}") from error
 
 
+def reason_of(error: Exception) -> str:
+    """What one of UNREADABLE says; mcap's end-of-file says nothing."""
+    return str(error) or "it ends too early"
+
+
 def size_of(stream: BinaryIO) -> int:
     return stream.seek(0, SEEK_END)
 
@@ -111,7 +125,7 @@ def walk(stream: BinaryIO) -> Iterator[McapRecord | Damage]:
             if isinstance(record, Chunk):
                 yield from unpack(record)
         except UNREADABLE as error:
-            yield Damage(position, f"{_name(raw[0])}: {error or type(error).__name__}")
+            yield Damage(position, f"{_name(raw[0])}: {reason_of(error)}")
             checksum = None
         if raw[0] == Opcode.FOOTER:
             return
@@ -187,11 +201,11 @@ def _check_end(stream: BinaryIO, footer: Footer, position: int, size: int) -> It
         yield Damage(end, "the file's last bytes are missing")
     elif end + len(MCAP0_MAGIC) != size:
         yield Damage(end + len(MCAP0_MAGIC), "something follows after the end of the file")
-    if footer.summary_crc and footer.summary_start < position:
-        stream.seek(footer.summary_start)
-        summary = stream.read(end - 4 - footer.summary_start)
+    if footer.summary_crc:
+        stream.seek(min(footer.summary_start, end))
+        summary = stream.read(max(end - 4 - footer.summary_start, 0))
         if zlib.crc32(summary) != footer.summary_crc:
-            yield Damage(footer.summary_start, "the checksum of the summary is wrong")
+            yield Damage(position, "the checksum of the summary is wrong")
 
 
 def _next_chunk(stream: BinaryIO, position: int, size: int) -> int:

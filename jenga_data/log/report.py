@@ -1,14 +1,16 @@
 """What a log holds and what is wrong with it: `inspect` looks at the file, `doctor` at what the messages say too."""
 
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from mcap.records import Chunk, ChunkIndex, McapRecord, Message
 
-from jenga_data.log import codec, profile
+from jenga_data.log import profile
 from jenga_data.log.checks import content_problems
 from jenga_data.log.gather import Raw, gather
 from jenga_data.log.header import check_kind
+from jenga_data.log.reader import result_of
 from jenga_data.log.records import Damage, one_line, open_log, size_of, walk
 
 
@@ -111,9 +113,7 @@ class _Tally:
             report.problems.append(
                 f"{self._chunks} chunks, {self._indexed} of them in the index; run: jenga log recover"
             )
-        if outcomes := raw.messages.get(profile.OUTCOME):
-            try:
-                result = codec.read_outcome(outcomes[0][1])
+        # `doctor` says what is wrong with an outcome that cannot be read.
+        with suppress(ValueError):
+            if result := result_of(raw):
                 report.outcome, report.cause = result.verdict.outcome.value, result.cause
-            except ValueError as error:
-                report.problems.append(f"{profile.OUTCOME}: {error}")

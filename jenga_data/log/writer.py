@@ -2,7 +2,6 @@
 
 from pathlib import Path
 from types import TracebackType
-from typing import Self
 
 from jenga_data.episode import Action, EpisodeHeader, Frame, GripperSample, Phase, Result
 from jenga_data.log import codec, profile
@@ -43,7 +42,7 @@ class EpisodeWriter:
             self._out.abandon()
             raise
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "EpisodeWriter":
         return self
 
     def __exit__(

@@ -1,92 +1,13 @@
-"""A synthetic episode of two levels, without a simulator."""
-
-from dataclasses import dataclass
-
-import numpy as np
-
-from jenga_data.blocks import Blocks, sample_blocks
-from jenga_data.episode import (
-    LEFT_FINGER,
-    TABLE,
-    Action,
-    Contacts,
-    EpisodeHeader,
-    Frame,
-    GripperSample,
-    Phase,
-    Result,
-)
-from jenga_data.outcome import Outcome, Verdict
-from jenga_data.tower import Layout
-
-STEP_NS = 32_000_000
-SCENE = "<mujoco model='jenga'/>"
+import pytest
+from synthetic_log import Script, make_script, write
 
 
-@dataclass(frozen=True)
-class Script:
-    """All that is written of one made-up episode."""
-
-    header: EpisodeHeader
-    frames: list[Frame]
-    actions: list[Action]
-    gripper: list[GripperSample]
-    phases: list[Phase]
-    result: Result
+@pytest.fixture
+def script() -> Script:
+    return make_script()
 
 
-def stacked_pose(blocks: Blocks, layout: Layout) -> np.ndarray:
-    """Blocks at their places in the tower, at rest."""
-    _, width, height = 0.075, 0.025, 0.015
-    pose = np.zeros((len(blocks), 7))
-    pose[:, 2] = (layout.level + 0.5) * height
-    even = layout.level % 2 == 0
-    across = (layout.slot - 1) * width
-    pose[even, 1] = across[even]
-    pose[~even, 0] = -across[~even]
-    pose[even, 3] = 1.0
-    pose[~even, 3] = pose[~even, 6] = np.sqrt(0.5)
-    return pose
-
-
-def make_script(frames: int = 12, blocks: int = 6, state: int = 20, seed: int = 0, gripper: bool = True) -> Script:
-    """`frames` control steps in which the target slides out along -x by 5 mm a step."""
-    rng = np.random.default_rng(seed)
-    own = sample_blocks("measured", rng, blocks)
-    layout = Layout.fresh(np.arange(blocks))
-    header = EpisodeHeader(
-        key="0123456789abcdef",
-        kind="extraction",
-        seed=7,
-        number=3,
-        blocks=own,
-        layout=layout,
-        target=1,
-        turn=2,
-        face=1,
-        config={"rounds": [1, 15], "physics": {"friction": 0.35}, "name": "Übung"},
-        provenance={"version": "0.1.0", "machine": "x86_64"},
-    )
-    start = stacked_pose(own, layout)
-    steps = []
-    for i in range(frames):
-        pose = start.copy()
-        pose[1, 0] -= 0.005 * i
-        contacts = Contacts(
-            np.array([0, 3, 1]), np.array([TABLE, 0, LEFT_FINGER]), rng.normal(size=(3, 3)) if i else np.zeros((3, 3))
-        )
-        steps.append(Frame(i, i * STEP_NS, pose, rng.normal(size=(blocks, 6)), contacts, rng.normal(size=state)))
-    samples = [
-        GripperSample(
-            t * STEP_NS // 4, np.array([-0.1, 0, 0.02, 1, 0, 0, 0]), 0.025, rng.normal(size=3), rng.normal(size=3)
-        )
-        for t in range(4 * frames if gripper else 0)
-    ]
-    return Script(
-        header=header,
-        frames=steps,
-        actions=[Action(i, i * STEP_NS, np.array([-0.005, 0, 0]), rng.normal(size=3)) for i in range(frames - 1)],
-        gripper=samples,
-        phases=[Phase(0, 0, "grasp"), Phase(2, 2 * STEP_NS, "pull")],
-        result=Result(Verdict(Outcome.STUCK, dragged=True, moved=0.0163, clear_frame=-1), "slipped"),
-    )
+@pytest.fixture
+def log(tmp_path, script):
+    """A finished episode on disk."""
+    return write(tmp_path / "episode.mcap", script)
