@@ -17,6 +17,8 @@ _LINK_X, _PALM_X = -0.030, -0.066
 
 SIZE: Float[np.ndarray, "5 3"] = np.array([_PALM, _LINK, _LINK, _PAD, _PAD])
 """Full edge lengths [m] of the palm, the left and right finger, and the left and right pad."""
+PALM, LEFT_PAD, RIGHT_PAD = 0, 3, 4
+"""Rows of `SIZE` that touch something."""
 COLOUR: Float[np.ndarray, "5 3"] = np.array([STEEL, STEEL, STEEL, RUBBER, RUBBER])
 
 

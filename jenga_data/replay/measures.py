@@ -1,5 +1,7 @@
 """What a replay plots of an episode: arrays from arrays, shared by rerun and by the pictures."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -22,6 +24,11 @@ def seconds_of(episode: Episode, time_ns: Int[np.ndarray, "*batch"]) -> Float[np
 def frame_at(episode: Episode, time_ns: Int[np.ndarray, "*batch"]) -> Int[np.ndarray, "*batch"]:
     """The last frame that is not later than each time."""
     return np.clip(np.searchsorted(episode.time_ns, time_ns, side="right") - 1, 0, len(episode.time_ns) - 1)
+
+
+def samples_at_frames(episode: Episode) -> Int[np.ndarray, " frame"]:
+    """The gripper's last sample that is not later than each frame, the first one before there is any."""
+    return np.maximum(np.searchsorted(episode.gripper.time_ns, episode.time_ns, side="right") - 1, 0)
 
 
 def others(episode: Episode) -> Int[np.ndarray, " other"]:
@@ -66,3 +73,40 @@ def phase_name(episode: Episode, frame: int) -> str:
         if phase.frame <= frame:
             name = phase.name
     return name
+
+
+def error_scale(episode: Episode, prediction: Prediction) -> float:
+    """Where the colours of a model's errors end [m]: beyond 99 % of them."""
+    return round_scale(max(float(np.percentile(position_error(episode, prediction), 99)), 1e-4))
+
+
+def metres_per_newton(force: Float[np.ndarray, "contact 3"]) -> float:
+    """Scale of an episode's arrows: all but the strongest hundredth are at most 8 cm long, a block's length."""
+    strong = float(np.percentile(np.linalg.norm(force, axis=1), 99)) if len(force) else 1.0
+    return 0.01 / round_scale(max(strong, 0.5) / 8)
+
+
+def frames_without(episode: Episode, prediction: Prediction) -> Int[np.ndarray, " frame"]:
+    """Frames at which what was drawn for a prediction must go away: the first one, and those after a run of it."""
+    edge = np.setdiff1d(np.append(prediction.frame + 1, 0), prediction.frame)
+    return edge[edge < len(episode.time_ns)]
+
+
+def has_chances(prediction: Prediction) -> bool:
+    """Whether a selector said anything about failure."""
+    return bool(np.isfinite(prediction.failure_probability).any())
+
+
+def model_labels(predictions: Sequence[Prediction]) -> list[str]:
+    """A name for each prediction that no other has: its model and kind, and its checkpoint where those are the same."""
+    plain = [f"{p.name} {p.kind.replace('_', ' ')}" for p in predictions]
+    return [
+        f"{label} {p.checkpoint[-8:]}" if plain.count(label) > 1 else label
+        for label, p in zip(plain, predictions, strict=True)
+    ]
+
+
+def round_scale(value: float) -> float:
+    """The next of 1, 2, 5, 10, ... above a positive value: the end of a colour scale that a person can read."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= value * (1 - 1e-9)))

@@ -34,6 +34,12 @@ PAPER = (1.0, 1.0, 1.0)
 AXES = (VERMILLION, GREEN, BLUE)
 """x, y and z, wherever three components stand side by side."""
 
+OUTLINE = (0.31, 0.33, 0.35)
+"""Blocks of which only the edges are drawn, on black, so that arrows show."""
+
+PHASES = (SKY_BLUE, ORANGE, GREEN, PURPLE, YELLOW, VERMILLION)
+"""Lanes of phases, in the order in which they first come."""
+
 _MODELS = (PURPLE, GREEN, SKY_BLUE, ORANGE, YELLOW)
 _WOOD = np.array([(0.925, 0.795, 0.610), (0.855, 0.695, 0.490)])
 _GRAIN = 0.024

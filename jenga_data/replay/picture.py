@@ -13,7 +13,7 @@ from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.geometry import rotation_matrices
 from jenga_data.replay import hand, style
-from jenga_data.replay.measures import phase_name, seconds
+from jenga_data.replay.measures import phase_name, samples_at_frames, seconds
 from jenga_data.replay.paint import TURNTABLE_RADIUS, Boxes, paint
 from jenga_data.replay.palette import TARGET, block_colours, wood
 from jenga_data.replay.raster import Camera
@@ -84,7 +84,7 @@ def gripper_boxes(episode: Episode, frame: int) -> list[Boxes]:
     track = episode.gripper
     if not len(track.time_ns):
         return []
-    sample = max(int(np.searchsorted(track.time_ns, episode.time_ns[frame], side="right")) - 1, 0)
+    sample = samples_at_frames(episode)[frame]
     return [Boxes(hand.hand_poses(track.pose[sample], track.width[sample]), hand.SIZE, hand.COLOUR)]
 
 

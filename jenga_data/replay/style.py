@@ -15,7 +15,7 @@ from jenga_data.replay.palette import BLUE, GREEN, INK, MUTED_INK, ORANGE, PAPER
 DPI = 160
 """Pixels an inch of every saved figure."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: dict[Any, Any] = {
     "font.family": "DejaVu Sans",  # comes with matplotlib, so that pictures are alike on every machine
     "font.size": 13,
     "axes.titlesize": 13,

@@ -1,0 +1,74 @@
+"""An episode in words, as Markdown: how it ended and why, what it was, and where it came from."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from jenga_data.episode import Episode, Prediction
+from jenga_data.replay.measures import MM, error_scale, has_chances, metres_per_newton, model_labels, seconds
+
+
+def outcome_words(episode: Episode) -> str:
+    """How the episode ended and, where something went wrong on the robot's side, why."""
+    if episode.result is None:
+        return "unknown: the log ends before its outcome"
+    words = str(episode.result.verdict.outcome)
+    if episode.result.verdict.dragged:
+        words += ", others dragged"
+    return f"{words} ({episode.result.cause})" if episode.result.cause else words
+
+
+def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
+    """The whole text, for a viewer that shows Markdown."""
+    header, time = episode.header, seconds(episode)
+    place = header.layout.place(header.target)
+    side = "centre" if place.slot == 1 else "side"
+    facts = [
+        ("episode", f"{header.kind} {header.number}, seed {header.seed}"),
+        ("target", f"block {header.target}: level {place.level}, slot {place.slot} ({side})"),
+        ("round", str(header.round)),
+        ("turn", f"{90 * (header.turn % 4)}°, pulled at its {'-x' if header.face == 0 else '+x'} end"),
+        ("length", f"{time[-1]:.2f} s, {len(time)} frames"),
+    ]
+    if episode.result is not None:
+        verdict = episode.result.verdict
+        facts.append(("others moved", f"{verdict.moved * MM:.1f} mm at most"))
+        clear = "never" if verdict.clear_frame < 0 else f"at {time[verdict.clear_frame]:.2f} s"
+        facts.append(("target clear", clear))
+    facts += _chances(header.target, predictions)
+    provenance = [("key", header.key), ("tower", header.blocks.tower)]
+    if header.checkpoint:
+        provenance.append(("acting model", header.checkpoint))
+    provenance += [(f"model {p.name}, {p.kind.replace('_', ' ')}", p.checkpoint) for p in predictions]
+    provenance += sorted(header.provenance.items())
+    parts = [("Colours", _colours(episode, predictions)), ("Provenance", provenance)]
+    lines = [f"# {outcome_words(episode)}", "", *_list(facts)]
+    for title, rows in parts:
+        lines += ["", f"## {title}", "", *_list(rows)]
+    return "\n".join(lines)
+
+
+def _colours(episode: Episode, predictions: Sequence[Prediction]) -> list[tuple[str, str]]:
+    """What the colours and lengths of the drawing mean."""
+    rows = [("target", "blue")]
+    for label, prediction in zip(model_labels(predictions), predictions, strict=True):
+        if len(prediction.frame):
+            rows.append((label, f"error from white (0) to dark red ({error_scale(episode, prediction) * MM:g} mm)"))
+    if any(has_chances(p) for p in predictions):
+        rows.append(("chance to fail", "blue (0) over white to red (1), grey: no legal target"))
+    forces = np.concatenate([contacts.force for contacts in episode.contacts])
+    if len(forces):
+        rows.append(
+            ("arrows", f"1 cm is {0.01 / metres_per_newton(forces):g} N; red: on the target, yellow: elsewhere")
+        )
+    return rows
+
+
+def _chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[str, str]]:
+    """What each selector gave the target, once a model."""
+    chance = {p.name: float(p.failure_probability[target]) for p in predictions}
+    return [(f"failure, says {name}", f"{100 * p:.0f} %") for name, p in chance.items() if np.isfinite(p)]
+
+
+def _list(rows: Sequence[tuple[str, str]]) -> Iterable[str]:
+    return [f"- **{name}** {value}" for name, value in rows]
