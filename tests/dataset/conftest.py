@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import msgspec
@@ -159,6 +160,17 @@ def dynamics(tmp_path_factory: pytest.TempPathFactory, extraction_logs: Path) ->
     out = tmp_path_factory.mktemp("dynamics") / "dataset"
     convert([extraction_logs], out, "test-dynamics", "1.0.0")
     return out
+
+
+@pytest.fixture(scope="session")
+def two_seeds(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
+    """Logs of two collections, mixed in two folders."""
+    folders = [tmp_path_factory.mktemp("left"), tmp_path_factory.mktemp("right")]
+    for number in range(8):
+        episode = make_episode("selection", number)
+        header = replace(episode.header, seed=7 + number % 2)
+        write_log(replace(episode, header=header), folders[number // 2 % 2])
+    return folders
 
 
 @pytest.fixture

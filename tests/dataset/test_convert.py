@@ -40,6 +40,15 @@ def test_the_order_of_the_logs_does_not_matter(two_folders, selection, tmp_path)
     assert content(tmp_path / "a") == content(tmp_path / "b") == content(selection)
 
 
+def test_collections_are_told_apart_whatever_folder_they_lie_in(two_seeds, tmp_path):
+    manifest = convert(two_seeds, tmp_path / "a", "a", "1.0.0")
+    convert(two_seeds[::-1], tmp_path / "b", "a", "1.0.0")
+    assert content(tmp_path / "a") == content(tmp_path / "b")
+    recipes = {r.seed: r.numbers for r in manifest.provenance.recipes}
+    assert recipes == {7: [(0, 0), (2, 2), (4, 4), (6, 6)], 8: [(1, 1), (3, 3), (5, 5), (7, 7)]}
+    assert len(manifest.data_files) == 2
+
+
 def test_copies_count_once_and_it_says_so(selection_logs, two_folders, selection, tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         convert([selection_logs, *two_folders], tmp_path / "out", "test-selection", "1.0.0")

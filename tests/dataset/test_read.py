@@ -3,6 +3,7 @@ import shutil
 import numpy as np
 import pytest
 
+from jenga_data.dataset.convert import convert
 from jenga_data.dataset.locate import SEARCH_PATH
 from jenga_data.dataset.manifest import MANIFEST, SPLITS, load_manifest
 from jenga_data.dataset.read import open_dataset
@@ -54,8 +55,21 @@ def test_types_are_as_the_features_say(dataset_folder):
             assert feature.dtype == "string" or column.dtype == feature.dtype
 
 
-def test_columns_are_read_only(selection):
-    assert not open_dataset(selection).column("block_pose").flags.writeable
+def test_columns_are_read_only_in_one_file_and_in_several(selection, two_seeds, tmp_path):
+    convert(two_seeds, tmp_path / "set", "a", "1.0.0")
+    for folder in (selection, tmp_path / "set"):
+        assert not open_dataset(folder).column("block_pose").flags.writeable
+
+
+def test_rows_of_several_files_follow_each_other(two_seeds, tmp_path):
+    convert(two_seeds, tmp_path / "set", "a", "1.0.0")
+    dataset = open_dataset(tmp_path / "set")
+    assert dataset.column("episode").tolist() == [f"selection-{n:04d}" for n in (0, 2, 4, 6, 1, 3, 5, 7)]
+    edges = dataset.edges()
+    pose, size = dataset.column("block_pose").astype(float), dataset.column("block_size").astype(float)
+    for row in range(8):
+        part = slice(edges.offset[row], edges.offset[row + 1])
+        np.testing.assert_array_equal([edges.upper[part], edges.lower[part]], support_edges(pose[row], size[row]))
 
 
 def test_splits_share_out_all_rows_by_tower(dataset_folder):

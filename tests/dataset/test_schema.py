@@ -4,6 +4,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from jenga_data.dataset.manifest import load_manifest
+from jenga_data.dataset.rows import Ragged
 from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, Column, arrow_schema
 from jenga_data.dataset.tables import ROWS_A_GROUP, numpy_column, open_parquet, record_batch, table_writer
 from jenga_data.errors import JengaError
@@ -70,6 +71,12 @@ def test_reading_a_column_copies_nothing(dynamics):
     assert isinstance(column, np.ndarray)
     assert column.ctypes.data == array.flatten().flatten().buffers()[1].address
     assert column.shape == (len(array), 6, 7)
+
+
+def test_a_slice_of_a_list_column_starts_at_zero():
+    column = numpy_column(pa.array([[1, 2], [], [3], [4, 5]], pa.list_(pa.int16())).slice(2))
+    assert isinstance(column, Ragged)
+    assert (column.offset.tolist(), column.values.tolist()) == ([0, 1, 3], [3, 4, 5])
 
 
 def test_a_number_that_does_not_fit_is_refused():
