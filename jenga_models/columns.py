@@ -1,7 +1,7 @@
 """The one door between models and data: what a network needs of a dataset's rows, or of a live tower."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -11,6 +11,7 @@ from jenga_data.graph import support_edges
 from jenga_data.tower import TowerState, turn_poses
 
 
+@runtime_checkable
 class EdgeColumns(Protocol):
     """Ragged edges of many towers: those of row r stand at `offset[r]` to `offset[r + 1]`."""
 
@@ -22,6 +23,7 @@ class EdgeColumns(Protocol):
     def lower(self) -> np.ndarray: ...
 
 
+@runtime_checkable
 class Rows(Protocol):
     """What training and evaluation ask of a dataset; `jenga_data.dataset.read.Dataset` is one."""
 

@@ -141,8 +141,8 @@ class GraphData(LightningDataModule):
         featurizer: Featurizer,
         wanted: Tensor,
         *,
-        train: Int[np.ndarray, " row"],
-        validation: Int[np.ndarray, " row"],
+        train: Int[np.ndarray, " train"],
+        validation: Int[np.ndarray, " validation"],
         batch_size: int,
         seed: int,
     ) -> None:

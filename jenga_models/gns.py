@@ -35,17 +35,21 @@ class Trunk(nn.Module):
         super().__init__()
         self.layers = layers
         self.action_width = widths.action
-        self.encode_first = SplitLinear([widths.action, widths.node], width)
+        self.encode_first = SplitLinear([widths.node, widths.action], width)
         self.encode_node = nn.Sequential(nn.ReLU(), mlp(width, width, width, hidden_layers - 1, norm=True))
-        self.encode_edge = mlp(widths.edge, width, width, hidden_layers, norm=True)
-        layer = MemoryInteraction if edge_memory else LightInteraction
-        self.steps = nn.ModuleList(layer(width, hidden_layers) for _ in range(1 if shared else layers))
+        self.encode_edge = mlp(widths.edge, width, width, hidden_layers, norm=True) if edge_memory else nn.Identity()
+        self.steps = nn.ModuleList(
+            MemoryInteraction(width, hidden_layers)
+            if edge_memory
+            else LightInteraction(width, widths.edge, hidden_layers)
+            for _ in range(1 if shared else layers)
+        )
 
     def forward(self, graphs: Graphs) -> Float[Tensor, "*sample node width"]:
-        first = self.encode_first.part(1, graphs.node)
+        first = self.encode_first.part(0, graphs.node)
         if self.action_width:
             assert graphs.action is not None, "this model needs actions"
-            first = first + graphs.spread(self.encode_first.part(0, graphs.action))
+            first = first + graphs.spread(self.encode_first.part(1, graphs.action))
         node, edge = self.encode_node(first), self.encode_edge(graphs.edge)
         for step in range(self.layers):
             node, edge = self.steps[step % len(self.steps)](node, edge, graphs)

@@ -28,7 +28,7 @@ class SplitLinear(nn.Linear):
     """A linear layer over several inputs side by side, applied to each of them on its own.
 
     W [a, b, c] = Wa a + Wb b + Wc c: what belongs to a node is multiplied once a node and not once an edge, and
-    what belongs to a graph once a graph. The bias comes with the last input.
+    what belongs to a graph once a graph. The bias comes with the first input.
     """
 
     def __init__(self, widths: Sequence[int], outputs: int) -> None:
@@ -36,9 +36,19 @@ class SplitLinear(nn.Linear):
         self.widths = list(widths)
 
     def part(self, which: int, values: Float[Tensor, "*batch part"]) -> Float[Tensor, "*batch output"]:
-        weight = self.weight.split(self.widths, dim=1)[which]
-        bias = self.bias if which == len(self.widths) - 1 else None
-        return nn.functional.linear(values, weight, bias)
+        return nn.functional.linear(values, self._weight(which), self.bias if which == 0 else None)
+
+    def add_part_(
+        self, total: Float[Tensor, "*batch output"], which: int, values: Float[Tensor, "*#batch part"]
+    ) -> Float[Tensor, "*batch output"]:
+        """Add a part in place, without its product in memory where there is one value for each row of `total`."""
+        if values.shape[:-1] != total.shape[:-1]:
+            return total.add_(self.part(which, values))
+        total.view(-1, total.shape[-1]).addmm_(values.flatten(0, -2), self._weight(which).t())
+        return total
+
+    def _weight(self, which: int) -> Float[Tensor, "output part"]:
+        return self.weight.split(self.widths, dim=1)[which]
 
 
 def _before_message(first: SplitLinear, node: Tensor, edge: Tensor, graphs: Graphs) -> Tensor:
@@ -46,7 +56,8 @@ def _before_message(first: SplitLinear, node: Tensor, edge: Tensor, graphs: Grap
     sender, receiver = graphs.edge_index
     at_receiver = first.part(0, node).index_select(-2, receiver)
     at_sender = first.part(1, node).index_select(-2, sender)
-    return at_receiver + at_sender + first.part(2, edge)
+    # In place: these are the largest tensors of a forward pass, which on a CPU waits for memory.
+    return first.add_part_(at_receiver.add_(at_sender), 2, edge)
 
 
 def _gathered(messages: Tensor, node: Tensor, graphs: Graphs) -> Tensor:
@@ -76,17 +87,18 @@ class MemoryInteraction(nn.Module):
 
 
 class LightInteraction(nn.Module):
-    """The same without a state on the edges: v' = v + MLP([v, sum of ReLU(W [v_r, v_s, e])]).
+    """The same without a state on the edges: v' = v + MLP([v, sum of ReLU(W [v_r, v_s, a])]), a the attributes.
 
     A message MLP that ends in a linear layer may be summed before that layer, and the layer is then one with the
-    first of the update MLP: this is an interaction network with one hidden layer a message, at a third of the cost.
+    first of the update MLP: this is an interaction network with one hidden layer a message. Attributes enter as
+    they are, so that no edge costs a product of width x width.
     """
 
-    def __init__(self, width: int, hidden_layers: int) -> None:
+    def __init__(self, width: int, edge_width: int, hidden_layers: int) -> None:
         super().__init__()
-        self.first = SplitLinear([width] * 3, width)
+        self.first = SplitLinear([width, width, edge_width], width)
         self.update = mlp(2 * width, width, width, hidden_layers, norm=True)
 
     def forward(self, node: Tensor, edge: Tensor, graphs: Graphs) -> tuple[Tensor, Tensor]:
-        message = _before_message(self.first, node, edge, graphs).relu()
+        message = _before_message(self.first, node, edge, graphs).relu_()
         return node + self.update(torch.cat([node, _gathered(message, node, graphs)], dim=-1)), edge

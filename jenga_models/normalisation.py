@@ -43,7 +43,7 @@ class Normalisation:
         return {f.name: getattr(self, f.name).tolist() for f in fields(self)}
 
     @classmethod
-    def from_json(cls, plain: dict[str, Any], node_width: int, edge_width: int) -> "Normalisation":
+    def from_json(cls, plain: Any, node_width: int, edge_width: int) -> "Normalisation":
         """The inverse of `to_json`.
 
         Raises:

@@ -24,6 +24,10 @@ def opened(checkpoint: Checkpoint | Path | str, kind: Kind) -> Checkpoint:
     return (checkpoint if isinstance(checkpoint, Checkpoint) else load(checkpoint)).require(kind)
 
 
+CPU_SAMPLES = 25
+"""Samples a forward pass on a CPU: the messages of more do not fit its cache, and take up to twice as long each."""
+
+
 class Selector:
     """Says how likely pulling a block ends in a failure, for all blocks of a tower in one forward pass."""
 
@@ -95,6 +99,9 @@ class LearnedDynamics:
         self, pose: Float[Tensor, "sample block 7"], action: Float[Tensor, "sample 3"]
     ) -> Float[Tensor, "sample block 7"]:
         """Poses one control step later, for each sample its own poses [m] and displacement of the gripper [m]."""
+        if self.device.type == "cpu" and len(pose) > CPU_SAMPLES:
+            parts = zip(pose.split(CPU_SAMPLES), action.split(CPU_SAMPLES), strict=True)
+            return torch.cat([self.step(*part) for part in parts])
         samples = len(pose)
         node = self._node.expand(samples, -1, -1)
         if self._pose_columns is not None:

@@ -138,7 +138,9 @@ def _train(
     return TrainResult(out, load(out).hash, metrics, time.monotonic() - started)
 
 
-def _split(kind: str, dataset: Rows, config: Training) -> tuple[Int[np.ndarray, " row"], Int[np.ndarray, " row"]]:
+def _split(
+    kind: str, dataset: Rows, config: Training
+) -> tuple[Int[np.ndarray, " train"], Int[np.ndarray, " validation"]]:
     """Rows to train on and rows to validate on.
 
     Raises:

@@ -73,7 +73,7 @@ def test_spread_mean_and_target_of_a_flat_batch_are_those_of_each_graph(dynamics
     each = graphs.node.view(3, store.blocks, -1)
     torch.testing.assert_close(graphs.mean(graphs.node), each.mean(1))
     assert torch.equal(graphs.at_target(graphs.node), each[torch.arange(3), store.target[rows]])
-    assert torch.equal(graphs.spread(rows[:, None]).view(3, -1), rows[:, None].expand(3, store.blocks))
+    assert torch.equal(graphs.spread(rows[:, None].float()).view(3, -1), 1.0 * rows[:, None].expand(3, store.blocks))
     assert torch.equal(graphs.is_target().nonzero()[:, 0], graphs.target)
 
 

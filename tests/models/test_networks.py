@@ -125,7 +125,7 @@ def test_the_memory_layer_equals_the_naive_interaction_network():
 def test_the_light_layer_equals_a_message_mlp_that_is_summed_after_its_last_linear_layer():
     """With message MLP L2 relu(L1 [v_r, v_s, e]) and update layer W [v, sum]: the light one holds W L2."""
     node, edge, graphs = some_graph()
-    layer, last = LightInteraction(8, hidden_layers=1), nn.Linear(8, 8, bias=False)
+    layer, last = LightInteraction(8, 8, hidden_layers=1), nn.Linear(8, 8, bias=False)
     wide = layer.update[0]
     assert isinstance(wide, nn.Linear)
     own, of_sum = wide.weight.split(8, dim=1)

@@ -12,7 +12,7 @@ from jenga_data.graph import support_edges
 from jenga_models.checkpoint import load
 from jenga_models.columns import Towers
 from jenga_models.metrics import advance, predict_dynamics, predict_selection, rollout_dynamics, windows
-from jenga_models.predict import LearnedDynamics, Selector
+from jenga_models.predict import CPU_SAMPLES, LearnedDynamics, Selector
 
 
 def test_a_live_tower_gets_the_probability_of_its_row(selector_path: Path, rng: np.random.Generator):
@@ -39,7 +39,7 @@ def test_a_live_tower_gets_what_its_dataset_row_gets(
 
 
 def test_samples_of_a_step_do_not_see_each_other(simulator_path: Path, rng: np.random.Generator):
-    state, samples = small_tower(rng), 9
+    state, samples = small_tower(rng), CPU_SAMPLES + 3
     target = int(state.layout.grid[0, 0])
     dynamics = LearnedDynamics(simulator_path)
     dynamics.start(state, target)
