@@ -7,11 +7,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jenga_data.blocks import Blocks
+from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.outcome import Verdict
 from jenga_data.tower import Layout, TowerState
-
-CONTROL_STEP_NS = 32_000_000
-"""One control step, one frame: 32 ms [ns]."""
 
 TABLE = -1
 LEFT_FINGER = -2

@@ -83,4 +83,4 @@ def clear_of_others(
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether no other block's footprint overlaps the target's: nothing can rest on it or carry it."""
     overlap = footprint_overlap(pose, size)[..., target, :]
-    return (np.delete(overlap, target, axis=-1) <= 0).all(-1)
+    return np.asarray((np.delete(overlap, target, axis=-1) <= 0).all(-1))

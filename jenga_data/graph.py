@@ -1,16 +1,14 @@
-"""The truth about graphs: which blocks carry which, and what a node of the paper's graphs holds.
+"""The truth about graphs: which blocks carry which, and what their nodes hold.
 
 The converter (a logged tower), the controller (a live or predicted tower) and a real tower's poses all go
 through `support_edges`, so a model is used on the graphs it was trained on.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jenga_data.errors import JengaError
 from jenga_data.geometry import footprint_overlap, vertical_gap
+from jenga_data.graph_spec import GraphSpec
 
 MAX_GAP = 1.0e-3
 """A block counts as right above another up to this gap [m]: block heights spread by 0.175 mm, so that a
@@ -36,59 +34,6 @@ def support_edges(pose: Float[np.ndarray, "block 7"], size: Float[np.ndarray, "b
     Sorted by upper, then lower block, so that the same tower always gives the same list.
     """
     return np.stack(np.nonzero(support_matrix(pose, size))).astype(np.int64)
-
-
-@dataclass(frozen=True)
-class GraphSpec:
-    """Which columns of a dataset make a graph: per-node features in order, and whether the action is appended."""
-
-    name: str
-    node_features: tuple[str, ...]
-    action: bool = False
-
-    def __post_init__(self) -> None:
-        unknown = [f for f in self.node_features if f not in FEATURE_WIDTH]
-        if unknown:
-            raise JengaError(f"unknown node features {unknown}; allowed: {', '.join(FEATURE_WIDTH)}")
-
-    @property
-    def node_width(self) -> int:
-        """Numbers a node, the action not counted."""
-        return sum(FEATURE_WIDTH[f] for f in self.node_features)
-
-
-FEATURE_WIDTH: dict[str, int] = {
-    "block_size": 3,
-    "block_mass": 1,
-    "target_flag": 1,
-    "block_pose": 7,
-    "level": 1,
-    "slot": 3,
-    "orientation": 1,
-}
-"""Node features by the name of their column and how many numbers each has; `slot` is one-hot."""
-
-GRAPHS: dict[str, GraphSpec] = {
-    spec.name: spec
-    for spec in (
-        GraphSpec("G_s", ("block_size", "block_mass", "target_flag")),
-        GraphSpec("G_sp", ("block_size", "block_mass", "target_flag", "block_pose")),
-        GraphSpec("G_s+layout", ("block_size", "block_mass", "target_flag", "level", "slot", "orientation")),
-        GraphSpec("G_e", ("block_mass", "target_flag", "block_pose"), action=True),
-    )
-}
-"""The graphs of the paper (section II-B, II-C), and G_s with the layout, which tells a middle block from a side one."""
-
-
-def graph_spec(name: str) -> GraphSpec:
-    """Look a graph up by name.
-
-    Raises:
-        JengaError: there is no graph of that name.
-    """
-    if name not in GRAPHS:
-        raise JengaError(f"unknown graph {name!r}; allowed: {', '.join(GRAPHS)}")
-    return GRAPHS[name]
 
 
 def node_features(

@@ -66,7 +66,7 @@ def collapsed(
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether any block but the target has dropped by more than `drop` [m] since `start`."""
     fallen = start[:, 2] - pose[..., 2] > drop
-    return np.delete(fallen, target, axis=-1).any(-1)
+    return np.asarray(np.delete(fallen, target, axis=-1).any(-1))
 
 
 def judge(

@@ -2,9 +2,10 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 
+@runtime_checkable
 class Bar(Protocol):
     """What a caller may tell a bar."""
 
@@ -38,6 +39,8 @@ def progress(description: str, total: float | None) -> Iterator[Bar]:
 
         class _Bar:
             def advance(self, steps: float = 1, note: str = "") -> None:
-                shown.update(task, advance=steps, **({"note": note} if note else {}))
+                shown.advance(task, steps)
+                if note:
+                    shown.update(task, note=note)
 
         yield _Bar()

@@ -11,8 +11,6 @@ from jenga_data.blocks import BLOCK_COUNT, Blocks
 EMPTY = -1
 SLOTS = 3
 CENTRE = 1
-LAST_ROUND = 15
-"""The paper spawns towers between rounds 1 and 15."""
 
 
 @dataclass(frozen=True)

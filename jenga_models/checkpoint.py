@@ -14,7 +14,7 @@ from safetensors.torch import save as save_weights
 from torch import nn
 
 from jenga_data.errors import CheckFailed, JengaError
-from jenga_data.graph import GraphSpec
+from jenga_data.graph_spec import GraphSpec
 from jenga_models.columns import Rows, dataset_name
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.features import Featurizer, attribute_width

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from jenga_data.errors import JengaError
-from jenga_data.graph import graph_spec
+from jenga_data.graph_spec import graph_spec
 
 Flow = Literal["down", "up", "both"]
 Schedule = Literal["constant", "cosine"]

@@ -7,7 +7,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
-from jenga_data.graph import FEATURE_WIDTH, GraphSpec, node_features
+from jenga_data.graph import node_features
+from jenga_data.graph_spec import FEATURE_WIDTH, GraphSpec
 from jenga_models.columns import Towers
 from jenga_models.config import Flow
 from jenga_models.graphs import Graphs

@@ -34,11 +34,11 @@ def fit(
     Raises:
         KeyboardInterrupt: Ctrl-C; `folder` holds the state after the last whole epoch.
     """
-    total = config.epochs * len(data.train_dataloader())
     on_gpu = config.accelerator != "cpu" and torch.cuda.is_available()
+    total = config.epochs * len(data.train_dataloader())
     with _quiet(), progress(f"training {kind}", total) as bar:
         trainer = Trainer(
-            accelerator="cuda" if config.accelerator == "cuda" or on_gpu else "cpu",
+            accelerator="cuda" if on_gpu else "cpu",
             devices=1,
             # Sums over edges come in any order on a GPU, unless told otherwise; on a CPU they never do.
             deterministic="warn" if on_gpu else False,

@@ -9,8 +9,8 @@ from jaxtyping import Float, Int
 from jenga_data.errors import JengaError
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows, Towers, dataset_name
-from jenga_models.data import EpochOrder, GraphStore
 from jenga_models.predict import opened
+from jenga_models.store import EpochOrder, GraphStore
 
 BATCH = 256
 """Graphs a forward pass: more is no faster on two cores."""

@@ -13,11 +13,12 @@ from torch import nn
 
 from jenga_data.errors import JengaError
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
-from jenga_models.gcn import GCN
 from jenga_models.gns import ACTION_WIDTH, GNS, InteractionClassifier, Widths
 
 
 def _gcn(config: SelectionTraining, widths: Widths) -> nn.Module:
+    from jenga_models.gcn import GCN  # torch_geometric takes seconds to import, and only this model needs it
+
     return GCN(
         widths,
         width=config.width,

@@ -8,11 +8,11 @@ import torch
 from jaxtyping import Bool, Float, Int
 from torch import Tensor
 
-from jenga_data.graph import GraphSpec
+from jenga_data.graph_spec import GraphSpec
 from jenga_models.config import Training
-from jenga_models.data import GraphStore
 from jenga_models.features import MEASURED, attribute_width, edge_attributes, feature_slices
 from jenga_models.normalisation import MIN_SCALE, Normalisation, moments
+from jenga_models.store import GraphStore
 
 EDGE_ROWS = 2000
 """Edge statistics are taken from so many towers, evenly spread: more change them by less than a percent."""

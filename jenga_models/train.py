@@ -14,12 +14,12 @@ from lightning.pytorch import LightningModule
 from torch import Tensor
 
 from jenga_data.errors import JengaError
-from jenga_data.graph import GraphSpec, graph_spec
+from jenga_data.graph_spec import GraphSpec, graph_spec
 from jenga_models.callbacks import KeepBest, MetricLog
 from jenga_models.checkpoint import load, save
 from jenga_models.columns import Rows, Towers, dataset_name
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
-from jenga_models.data import GraphData, GraphStore
+from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
 from jenga_models.loop import fit
 from jenga_models.modules import DynamicsModule, SelectionModule
@@ -28,6 +28,7 @@ from jenga_models.registry import build
 from jenga_models.run_folder import RunFolder
 from jenga_models.scaling import fit_features, fit_targets
 from jenga_models.simulator import Simulator
+from jenga_models.store import GraphStore
 
 
 @dataclass(frozen=True)
@@ -126,15 +127,17 @@ def _train(
         batch_size=config.batch_size,
         seed=config.seed,
     )
-    folder.begin()
     log, best = MetricLog(folder.metrics), KeepBest(config.patience)
-    fit(kind, config, module, data, log, best, folder, ready_state)
-
-    module.load_state_dict(best.weights)
-    metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
-    network = module.get_submodule("network")
-    save(out, network, config, spec, problem.normalisation, dataset, metrics)
-    shutil.rmtree(folder.state)
+    try:
+        folder.begin()
+        fit(kind, config, module, data, log, best, folder, ready_state)
+        module.load_state_dict(best.weights)
+        metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
+        network = module.get_submodule("network")
+        save(out, network, config, spec, problem.normalisation, dataset, metrics)
+        shutil.rmtree(folder.state)
+    except OSError as error:
+        raise JengaError(f"cannot write {out}: {error.strerror or error}; make room, then add --resume") from error
     return TrainResult(out, load(out).hash, metrics, time.monotonic() - started)
 
 
@@ -152,6 +155,8 @@ def _split(
     train, validation = (np.sort(dataset.rows(split)).astype(np.int64) for split in ("train", "validation"))
     if config.train_on_validation:
         train, validation = np.sort(np.concatenate([train, validation])), validation[:0]
+    if config.accelerator == "cuda" and not torch.cuda.is_available():
+        raise JengaError("accelerator is cuda, and torch sees no GPU; allowed here: auto, cpu")
     if len(train) == 0:
         raise JengaError(f"{name} has no training rows; convert more episodes")
     if config.patience and len(validation) == 0:

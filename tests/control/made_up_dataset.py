@@ -5,7 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 
 from jenga_data.dataset.read import Edges
-from jenga_data.graph import graph_spec, support_edges
+from jenga_data.graph import support_edges
+from jenga_data.graph_spec import graph_spec
 from jenga_data.tower import Layout
 from jenga_models.checkpoint import save
 from jenga_models.features import attribute_width

@@ -9,12 +9,13 @@ from fake_towers import FakeDataset
 from torch_geometric.data import Batch as PygBatch
 from torch_geometric.data import Data
 
-from jenga_data.graph import GRAPHS
+from jenga_data.graph_spec import GRAPHS
 from jenga_models.columns import Towers
 from jenga_models.config import Flow
-from jenga_models.data import EpochOrder, GraphData, GraphStore
+from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
 from jenga_models.normalisation import Normalisation
+from jenga_models.store import EpochOrder, GraphStore
 
 SPEC = GRAPHS["G_e"]
 

@@ -14,7 +14,7 @@ from fake_towers import FakeDataset
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_models.checkpoint import CARD, WEIGHTS, check_dataset, load, save
 from jenga_models.columns import Towers
-from jenga_models.data import GraphStore
+from jenga_models.store import GraphStore
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ import torch
 from fake_towers import FakeDataset, small_tower
 
 from jenga_data.errors import CheckFailed
-from jenga_data.graph import GRAPHS, GraphSpec
+from jenga_data.graph_spec import GRAPHS, GraphSpec
 from jenga_models.columns import Towers
 from jenga_models.config import DYNAMICS_PRESETS
-from jenga_models.data import GraphStore
 from jenga_models.features import Featurizer, attribute_width, edge_attributes, feature_slices, raw_nodes
 from jenga_models.normalisation import Normalisation
 from jenga_models.scaling import fit_features, fit_targets
+from jenga_models.store import GraphStore
 
 WITH_SIZES = GraphSpec("G_e and sizes", ("block_size", "block_mass", "target_flag", "block_pose"), action=True)
 

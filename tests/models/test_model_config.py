@@ -45,6 +45,14 @@ def test_a_config_refuses_what_cannot_be(change: dict, message: str):
         replace(DYNAMICS_PRESETS["paper"], **change)
 
 
-def test_config_is_read_without_torch():
-    code = "import sys, jenga_models.config; sys.exit(bool({'torch', 'lightning', 'scipy'} & set(sys.modules)))"
-    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+@pytest.mark.parametrize(
+    ("modules", "unwanted"),
+    [
+        ("jenga_models.config", "torch"),
+        ("jenga_models.overlay, jenga_models.metrics", "lightning, torch_geometric, mujoco"),
+    ],
+)
+def test_what_takes_seconds_is_imported_only_where_it_is_needed(modules: str, unwanted: str):
+    code = f"import sys, {modules}; print(*(set('{unwanted}'.split(', ')) & set(sys.modules)))"
+    run = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)
+    assert run.stdout.split() == []

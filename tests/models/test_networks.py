@@ -8,15 +8,15 @@ from fake_towers import FakeDataset, fake_dataset
 from torch import Tensor, nn
 
 from jenga_data.errors import JengaError
-from jenga_data.graph import GRAPHS, graph_spec
+from jenga_data.graph_spec import GRAPHS, graph_spec
 from jenga_models.columns import Towers
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS, Training
-from jenga_models.data import GraphStore
 from jenga_models.features import Featurizer
 from jenga_models.graphs import Graphs
 from jenga_models.layers import LightInteraction, MemoryInteraction, SplitLinear
 from jenga_models.registry import SELECTORS, build
 from jenga_models.scaling import fit_features
+from jenga_models.store import GraphStore
 
 CONFIGS: dict[str, Training] = {
     **{f"selection {name}": replace(c, width=16) for name, c in SELECTION_PRESETS.items()},

@@ -13,7 +13,8 @@ import pytest
 import torch
 from fake_towers import FakeDataset, fake_dataset
 
-from jenga_data.errors import JengaError
+from jenga_data.errors import CheckFailed, JengaError
+from jenga_models.checkpoint import load
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS, DynamicsTraining, SelectionTraining
 from jenga_models.data import Batch
 from jenga_models.metrics import predict_dynamics, predict_selection
@@ -132,6 +133,31 @@ def test_folders_that_do_not_fit_are_refused(dynamics_data: FakeDataset, tmp_pat
         train_dynamics(dynamics_data, replace(DYNAMICS, layers=3), out, resume=True)
     with pytest.raises(JengaError, match="another dataset"):
         train_dynamics(replace(dynamics_data, hash="0" * 64), DYNAMICS, out, resume=True)
+
+
+def test_a_damaged_state_is_refused(selection_data: FakeDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    with interrupted(monkeypatch, 1), pytest.raises(KeyboardInterrupt):
+        train_selection(selection_data, SELECTION, tmp_path / "out")
+    state = tmp_path / "out" / "state" / "last.ckpt"
+    state.write_bytes(state.read_bytes()[:1000])
+    with pytest.raises(CheckFailed, match=r"last.ckpt is damaged; delete it and resume"):
+        train_selection(selection_data, SELECTION, tmp_path / "out", resume=True)
+    with pytest.raises(JengaError, match="is no checkpoint: it has no checkpoint.json; .*finish it with --resume"):
+        load(tmp_path / "out")
+    state.unlink()
+    assert train_selection(selection_data, SELECTION, tmp_path / "out", resume=True).metrics["epochs"] == 5
+
+
+def test_a_folder_that_cannot_be_written_is_one_line(selection_data: FakeDataset, tmp_path: Path):
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(JengaError, match="cannot write .*Not a directory"):
+        train_selection(selection_data, SELECTION, tmp_path / "file" / "out")
+
+
+@pytest.mark.skipif(torch.cuda.is_available(), reason="needs a machine without a GPU")
+def test_a_gpu_that_is_not_there_is_refused(selection_data: FakeDataset, tmp_path: Path):
+    with pytest.raises(JengaError, match="torch sees no GPU"):
+        train_selection(selection_data, replace(SELECTION, accelerator="cuda"), tmp_path / "out")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,150 @@
+"""What a collection run is: together with a seed and a number it decides an episode down to the last bit."""
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import Any
+
+import msgspec
+
+from jenga_data.errors import JengaError
+from jenga_data.sim.physics import GripperConfig, PhysicsConfig
+
+LAST_ROUND = 15
+"""The paper spawns towers between rounds 1 and 15 (section II-A)."""
+PULL_FRAMES = 51
+"""T, the number of actions of an extraction (paper, section II-C)."""
+
+
+@dataclass(frozen=True)
+class SpawnConfig:
+    """How towers come about."""
+
+    distribution: str = "measured"
+    """Which real set the blocks are drawn from: measured, measured-second, nominal."""
+    first_round: int = 1
+    last_round: int = LAST_ROUND
+    """Rounds are drawn uniformly from these, both included; the paper uses 1 to 15."""
+    position_sigma: float = 0.0003
+    """Error of a block's position when it is put down, across and along [m]."""
+    yaw_sigma: float = 0.002
+    """Error of a block's direction when it is put down [rad]."""
+    load_limit: float = 3.0
+    """A player takes no block on which more than this weight rests [N]: friction holds it above and below."""
+    settle: float = 0.256
+    """Time awake to come to rest before anything is judged [s]."""
+    stand: float = 2.0
+    """Time over which the tower must then stand by itself [s]; once at rest it may sleep."""
+    creep_allowance: float = 0.002
+    """No block may move by more in that time [m]."""
+    tries: int = 20
+    """Towers to try before giving up."""
+
+    def __post_init__(self) -> None:
+        if not 1 <= self.first_round <= self.last_round <= LAST_ROUND:
+            raise JengaError(
+                f"rounds {self.first_round}-{self.last_round}; allowed: first <= last, both from 1 to {LAST_ROUND}"
+            )
+
+
+@dataclass(frozen=True)
+class SelectionConfig:
+    """A pull without a robot: a force-capped velocity servo on the target's centre (paper, section II-B)."""
+
+    speed: float = 0.1
+    """Speed along -x [m/s]."""
+    noise: float = 0.01
+    """Standard deviation of the speeds along y and z, drawn anew each control step [m/s]."""
+    gain: float = 50.0
+    """Force per velocity error [N s/m]."""
+    force_limit: float = 3.0
+    """Cap of the force along x [N]: what two fingertips hold without squeezing."""
+    side_force_limit: float = 0.5
+    """Cap of the force along y and z [N], 2.6 times a block's weight."""
+    pull_seconds: float = 1.2
+    """The servo gives up after so long [s]; a block is out after 0.8 s."""
+    spawn: SpawnConfig = field(default_factory=SpawnConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+
+    kind = "selection"
+
+    def __post_init__(self) -> None:
+        if self.speed <= 0 or self.force_limit <= 0 or self.pull_seconds <= 0:
+            raise JengaError("speed, force-limit and pull-seconds must be positive")
+
+
+@dataclass(frozen=True)
+class ExtractionConfig:
+    """A pull by a gripper over T actions, each a displacement of the end effector (paper, section II-C)."""
+
+    slowest: float = 0.001
+    """Each episode draws its mean displacement a step along -x log-uniformly between this [m]..."""
+    fastest: float = 0.017
+    """...and this [m]."""
+    speed_noise: float = 0.2
+    """Standard deviation of a step's displacement along x, as a part of the mean."""
+    side: float = 0.001
+    """Displacements along y and z are uniform within this [m]; the paper's 0.1 cm."""
+    sticks_out: float = 0.02
+    """How far the target sticks out at -x before it is grasped [m]."""
+    spawn: SpawnConfig = field(default_factory=SpawnConfig)
+    physics: PhysicsConfig = field(default_factory=PhysicsConfig)
+    gripper: GripperConfig = field(default_factory=GripperConfig)
+
+    kind = "extraction"
+
+    def __post_init__(self) -> None:
+        if not 0 < self.slowest <= self.fastest <= 0.02:
+            raise JengaError(f"slowest {self.slowest}, fastest {self.fastest}; allowed: 0 < slowest <= fastest <= 0.02")
+
+
+CollectConfig = SelectionConfig | ExtractionConfig
+
+SEED_LIMIT = 900_000
+"""Seeds from here on are reserved for evaluation."""
+
+
+def config_dict(config: CollectConfig) -> dict[str, Any]:
+    """The configuration as plain JSON values, with its kind."""
+    return {"kind": config.kind, **msgspec.to_builtins(config)}
+
+
+def config_from_dict(values: dict[str, Any]) -> CollectConfig:
+    """The inverse of `config_dict`, also of `recipe`.
+
+    Raises:
+        JengaError: an unknown kind, or a field of another name or type.
+    """
+    kinds: dict[str, type[SelectionConfig] | type[ExtractionConfig]] = {
+        "selection": SelectionConfig,
+        "extraction": ExtractionConfig,
+    }
+    rest = {name: value for name, value in values.items() if name not in ("kind", "controller")}
+    if (kind := values.get("kind")) not in kinds:
+        raise JengaError(f"unknown kind of collection {kind!r}; allowed: {', '.join(kinds)}")
+    try:
+        return msgspec.convert(rest, kinds[kind])
+    except msgspec.ValidationError as error:
+        raise JengaError(f"this configuration cannot be read: {error}") from None
+
+
+@dataclass(frozen=True)
+class Actor:
+    """Who chooses the actions where it is not the collection's own policy: a controller, and its model's hash."""
+
+    controller: dict[str, Any] = field(default_factory=dict)
+    checkpoint: str = ""
+
+
+NOBODY = Actor()
+"""The collection's own policy acts."""
+
+
+def recipe(config: CollectConfig, actor: Actor = NOBODY) -> dict[str, Any]:
+    """The configuration of an episode as its log holds it: plain JSON values, with the controller if one acts."""
+    return config_dict(config) | ({"controller": actor.controller} if actor.controller else {})
+
+
+def episode_key(config: CollectConfig, seed: int, number: int, actor: Actor = NOBODY) -> str:
+    """The name of an episode: a hash of (config, seed, number), and of who acts if a controller does."""
+    parts = [recipe(config, actor), seed, number, actor.checkpoint]
+    return hashlib.sha256(msgspec.json.encode(parts, order="deterministic")).hexdigest()[:20]

@@ -1,0 +1,101 @@
+"""Writing a running world into a log, frame by frame."""
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+from jaxtyping import Float
+
+from jenga_data.episode import CONTROL_STEP_NS, Action, Frame, GripperSample, Phase, Result
+from jenga_data.geometry import clear_of_others
+from jenga_data.outcome import THRESHOLDS, Verdict, collapsed, judge
+from jenga_data.sim.world import World
+
+
+class Recorder(Protocol):
+    """What an episode needs of a log; `jenga_data.log.writer.EpisodeWriter` is one."""
+
+    def frame(self, frame: Frame) -> None: ...
+    def action(self, action: Action) -> None: ...
+    def gripper(self, sample: GripperSample) -> None: ...
+    def phase(self, phase: Phase) -> None: ...
+    def finish(self, result: Result) -> None: ...
+
+
+class Recording:
+    """Counts the frames of one world, hands each to the recorder and keeps what the verdict needs."""
+
+    def __init__(self, world: World, recorder: Recorder, target: int) -> None:
+        self.world = world
+        self.target = target
+        self._recorder = recorder
+        self._start_ns = world.time_ns
+        self._clear: list[bool] = []
+        self.poses: list[Float[np.ndarray, "block 7"]] = []
+        self._snap()
+
+    @property
+    def frame(self) -> int:
+        """Number of the latest frame."""
+        return len(self.poses) - 1
+
+    def clear_frame(self) -> int:
+        """First of the latest frames in which the target is clear of the tower, -1 if it is not clear now."""
+        first = len(self._clear)
+        while first and self._clear[first - 1]:
+            first -= 1
+        return first if first < len(self._clear) else -1
+
+    def stood_for(self, seconds: float) -> bool:
+        """Whether the target has been clear for so long."""
+        return self.clear_frame() >= 0 and (self.frame - self.clear_frame()) * CONTROL_STEP_NS >= seconds * 1e9
+
+    def distance_clear(self) -> float:
+        """How far along -x the target has come since it was clear [m], 0 if it is not."""
+        clear = self.clear_frame()
+        return float(self.poses[clear][self.target, 0] - self.poses[-1][self.target, 0]) if clear >= 0 else 0.0
+
+    def has_collapsed(self) -> bool:
+        """Whether a block but the target has dropped by now."""
+        return bool(collapsed(self.poses[0], self.poses[-1], self.target, THRESHOLDS.drop))
+
+    def time_ns(self) -> int:
+        return self.world.time_ns - self._start_ns
+
+    def phase(self, name: str) -> None:
+        self._recorder.phase(Phase(self.frame, self.time_ns(), name))
+
+    def advance(self, substep: Callable[[int], None], steps: int) -> None:
+        """Run `substep(i)` for each physics step of one control step, then record the frame."""
+        for i in range(steps):
+            substep(i)
+        self._snap()
+
+    def action(self, frame: int, displacement: Float[np.ndarray, "3"], reached: Float[np.ndarray, "3"]) -> None:
+        """Record what was commanded from `frame` on, once it is known what came of it."""
+        self._recorder.action(Action(frame, frame * CONTROL_STEP_NS, displacement, reached))
+
+    def gripper(self, sample: GripperSample) -> None:
+        self._recorder.gripper(sample)
+
+    def verdict(self) -> Verdict:
+        return judge(np.stack(self.poses), self.world.blocks.size, self.target, CONTROL_STEP_NS * 1e-9)
+
+    def finish(self, cause: str = "") -> Result:
+        result = Result(self.verdict(), cause)
+        self._recorder.finish(result)
+        return result
+
+    def _snap(self) -> None:
+        self.poses.append(self.world.pose)
+        self._clear.append(bool(clear_of_others(self.poses[-1], self.world.blocks.size, self.target)))
+        self._recorder.frame(
+            Frame(
+                index=self.frame,
+                time_ns=self.time_ns(),
+                pose=self.poses[-1],
+                twist=self.world.twist,
+                contacts=self.world.contacts(),
+                sim_state=self.world.integration_state(),
+            )
+        )

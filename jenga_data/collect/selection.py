@@ -1,0 +1,48 @@
+"""Selection rollouts: pull a random legal target with a servo and see whether the tower fails (paper, section II-B)."""
+
+import numpy as np
+
+from jenga_data.collect.config import SelectionConfig
+from jenga_data.collect.draws import episode_rng
+from jenga_data.collect.observe import observe
+from jenga_data.collect.recording import Recording
+from jenga_data.collect.rollout import OpenLog, header_of
+from jenga_data.collect.stage import set_stage
+from jenga_data.episode import CONTROL_STEP_NS, Result
+from jenga_data.sim.scene import add_servo, add_tower, base_spec, xml_with_start
+from jenga_data.sim.world import World
+
+_AWAY = 0.05
+"""The servo carries a block that is clear on by this far [m], so that nothing falls onto it."""
+
+
+def run_selection(config: SelectionConfig, seed: int, number: int, open_log: OpenLog) -> Result:
+    """Run one rollout and log it."""
+    stage = set_stage(config, seed, number)
+    spec = base_spec(config.physics)
+    add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
+    limits = (config.force_limit, config.side_force_limit, config.side_force_limit)
+    add_servo(spec, stage.target, config.gain, limits)
+    world = World(spec, stage.blocks, stage.layout)
+    servo = world.actuators("servo_x", "servo_y", "servo_z")
+    noise = episode_rng(seed, number, "noise")
+    period = CONTROL_STEP_NS * 1e-9
+
+    with open_log(header_of(config, seed, number, stage), xml_with_start(spec, world.data)) as log:
+        recording = Recording(world, log, stage.target)
+        recording.phase("pull")
+        for _ in range(round(config.pull_seconds / period)):
+            velocity = np.array([-config.speed, *noise.normal(0.0, config.noise, 2)])
+            world.data.ctrl[servo] = velocity
+            before = recording.poses[-1]
+            recording.advance(lambda _: world.step(), config.physics.steps_a_frame)
+            moved = recording.poses[-1][stage.target, :3] - before[stage.target, :3]
+            recording.action(recording.frame - 1, velocity * period, moved)
+            if recording.has_collapsed() or recording.distance_clear() > _AWAY:
+                break
+        world.data.ctrl[servo] = 0.0
+        if recording.clear_frame() < 0:
+            world.cut_power(servo)
+        recording.phase("observe")
+        observe(recording, config.physics, lambda _: world.step())
+        return recording.finish()

@@ -1,0 +1,105 @@
+"""Growing towers: a fresh one, then round - 1 legal moves that a player could make, computed and not simulated.
+
+A tower that is grown this way is close to its equilibrium; whether it really stands is for the simulator to say.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from jenga_data.blocks import NOMINAL_SIZE, Blocks, sample_blocks
+from jenga_data.collect.config import SpawnConfig
+from jenga_data.statics import Equilibrium, PlanarPose, solve
+from jenga_data.tower import CENTRE, Layout, Place
+
+
+@dataclass(frozen=True, eq=False)
+class GrownTower:
+    """A tower at its computed equilibrium, before it is turned."""
+
+    blocks: Blocks
+    layout: Layout
+    planar: PlanarPose
+    equilibrium: Equilibrium
+
+    @property
+    def pose(self) -> Float[np.ndarray, "block 7"]:
+        return _poses(self.planar, self.equilibrium)
+
+
+_PITCH = NOMINAL_SIZE[0] / 3 + 0.0002
+"""Distance between the centres of two slots [m]: three blocks side by side with 0.2 mm of air."""
+
+
+def grow_tower(config: SpawnConfig, stiffness: float, round_number: int, rng: np.random.Generator) -> GrownTower | None:
+    """Draw a set of blocks and play `round_number` - 1 moves with them.
+
+    Each move takes a block drawn uniformly among the legal targets that a player could take: at most
+    `load_limit` rests on them, and the tower without them is in equilibrium. None if no move is left or the
+    tower that results is in no equilibrium. `stiffness` is that of the contacts [1/s^2].
+    """
+    blocks = sample_blocks(config.distribution, rng)
+    layout = Layout.fresh(rng.permutation(len(blocks)))
+    planar = PlanarPose(np.zeros((len(blocks), 2)), np.zeros(len(blocks)))
+    for block, place in layout:
+        _put_down(planar, block, place, config, rng)
+    equilibrium = solve(blocks, layout, planar, stiffness)
+    for _ in range(round_number - 1):
+        if not equilibrium.stands:
+            return None
+        block = _takeable(blocks, layout, planar, equilibrium, config.load_limit, stiffness, rng)
+        if block is None:
+            return None
+        place = layout.next_places()[rng.integers(len(layout.next_places()))]
+        layout = layout.moved(block, place)
+        _put_down(planar, block, place, config, rng)
+        equilibrium = solve(blocks, layout, planar, stiffness)
+    if not equilibrium.stands:
+        return None
+    return GrownTower(blocks, layout, planar, equilibrium)
+
+
+def shifted(tower: GrownTower, block: int, distance: float, stiffness: float) -> GrownTower | None:
+    """The tower with `block` moved by `distance` [m] along its own x, None if that is in no equilibrium."""
+    xy = tower.planar.xy.copy()
+    yaw = tower.planar.yaw[block]
+    xy[block] += distance * np.array([np.cos(yaw), np.sin(yaw)])
+    planar = PlanarPose(xy, tower.planar.yaw)
+    equilibrium = solve(tower.blocks, tower.layout, planar, stiffness)
+    return GrownTower(tower.blocks, tower.layout, planar, equilibrium) if equilibrium.stands else None
+
+
+def _takeable(
+    blocks: Blocks,
+    layout: Layout,
+    planar: PlanarPose,
+    now: Equilibrium,
+    limit: float,
+    stiffness: float,
+    rng: np.random.Generator,
+) -> int | None:
+    candidates = [b for b in layout.legal_targets() if now.load_on(b) <= limit]
+    for block in rng.permutation(np.array(candidates, np.int64)):
+        if solve(blocks, layout, planar, stiffness, without=int(block)).stands:
+            return int(block)
+    return None
+
+
+def _put_down(planar: PlanarPose, block: int, place: Place, config: SpawnConfig, rng: np.random.Generator) -> None:
+    along, across = rng.normal(0.0, config.position_sigma, 2)
+    across += (place.slot - CENTRE) * _PITCH
+    yaw = rng.normal(0.0, config.yaw_sigma)
+    if place.level % 2:
+        planar.xy[block], planar.yaw[block] = (-across, along), np.pi / 2 + yaw
+    else:
+        planar.xy[block], planar.yaw[block] = (along, across), yaw
+
+
+def _poses(planar: PlanarPose, equilibrium: Equilibrium) -> Float[np.ndarray, "block 7"]:
+    """Small tilts about the world's axes after the yaw, as quaternions."""
+    cy, sy = np.cos(planar.yaw / 2), np.sin(planar.yaw / 2)
+    r, p = equilibrium.roll / 2, equilibrium.pitch / 2
+    quat = np.stack([cy, r * cy + p * sy, p * cy - r * sy, sy], axis=1)
+    quat /= np.linalg.norm(quat, axis=1, keepdims=True)
+    return np.concatenate([planar.xy, equilibrium.z[:, None], quat], axis=1)

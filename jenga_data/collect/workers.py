@@ -1,0 +1,226 @@
+"""Collecting many episodes with worker processes: resumable, and the same files for any number of workers."""
+
+import errno
+import os
+from collections import Counter
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from time import monotonic
+
+import msgspec
+from filelock import FileLock, Timeout
+
+from jenga_data.collect.config import (
+    NOBODY,
+    SEED_LIMIT,
+    Actor,
+    CollectConfig,
+    SelectionConfig,
+    config_from_dict,
+    episode_key,
+    recipe,
+)
+from jenga_data.collect.rollout import OpenLog
+from jenga_data.episode import Result
+from jenga_data.errors import JengaError
+from jenga_data.outcome import Outcome
+from jenga_data.progress import progress
+
+RECIPE = "collection.json"
+"""What is collected in a folder: config and seed. Episodes of another recipe are refused."""
+
+
+@dataclass(frozen=True)
+class CollectSummary:
+    """What a folder holds after a run. `resumed` of the episodes were there before."""
+
+    episodes: int
+    outcomes: dict[str, int]
+    causes: dict[str, int]
+    resumed: int
+    seconds: float
+    out: str
+
+
+def collect(config: CollectConfig, seed: int, episodes: int, workers: int, out: Path) -> CollectSummary:
+    """Run episodes 0 to `episodes` - 1 and log each as `OUT/<key>.mcap`; those that are there are kept.
+
+    Raises:
+        JengaError: the folder holds another recipe, is in use, or cannot be written; a seed or count not allowed.
+    """
+    if not 0 <= seed < SEED_LIMIT:
+        raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
+    return run_episodes(partial(run_one, config), config, seed, episodes, workers, out)
+
+
+def run_one(config: CollectConfig, seed: int, number: int, open_log: OpenLog) -> Result:
+    """Run the rollout that `config` describes."""
+    from jenga_data.collect.extraction import run_extraction
+    from jenga_data.collect.selection import run_selection
+
+    if isinstance(config, SelectionConfig):
+        return run_selection(config, seed, number, open_log)
+    return run_extraction(config, seed, number, open_log)
+
+
+Rollout = Callable[[int, int, OpenLog], Result]
+"""Runs episode (seed, number) into a log."""
+
+
+def run_episodes(
+    rollout: Rollout,
+    config: CollectConfig,
+    seed: int,
+    episodes: int,
+    workers: int,
+    out: Path,
+    actor: Actor = NOBODY,
+    label: str = "",
+) -> CollectSummary:
+    """Run a rollout for each number that `out` does not hold yet, in worker processes.
+
+    Raises:
+        JengaError: as `collect`, and if a worker died.
+    """
+    if episodes < 1 or workers < 1:
+        raise JengaError(f"episodes is {episodes} and workers is {workers}; both must be at least 1")
+    began = monotonic()
+    with _claimed(out, config, seed, actor):
+        paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in range(episodes)}
+        missing = [n for n, path in paths.items() if not path.exists()]
+        tally = _Tally()
+        for number in paths.keys() - set(missing):
+            tally.add(*_ending(paths[number]))
+        with progress(label or f"collecting {config.kind}", len(paths)) as bar:
+            bar.advance(len(paths) - len(missing), tally.note())
+            for outcome, cause in _results(rollout, seed, missing, workers, out):
+                tally.add(outcome, cause)
+                bar.advance(1, tally.note())
+    return CollectSummary(
+        episodes=len(paths),
+        outcomes={o.value: tally.outcomes[o.value] for o in Outcome},
+        causes=dict(sorted(tally.causes.items())),
+        resumed=len(paths) - len(missing),
+        seconds=round(monotonic() - began, 3),
+        out=str(out),
+    )
+
+
+class _Tally:
+    def __init__(self) -> None:
+        self.outcomes: Counter[str] = Counter()
+        self.causes: Counter[str] = Counter()
+
+    def add(self, outcome: str, cause: str) -> None:
+        self.outcomes[outcome] += 1
+        if cause:
+            self.causes[cause] += 1
+
+    def note(self) -> str:
+        return " ".join(f"{name} {count}" for name, count in sorted(self.outcomes.items()))
+
+
+def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out: Path) -> Iterator[tuple[str, str]]:
+    """Run the numbers, at most two a worker in the queue, so that an interrupt leaves little to wait for."""
+    if not numbers:
+        return
+    if workers == 1:
+        for number in numbers:
+            yield _work(rollout, seed, number, out)
+        return
+    pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"), initializer=_ignore_interrupts)
+    queue, running = iter(numbers), set[Future[tuple[str, str]]]()
+    try:
+        while True:
+            for number in queue:
+                running.add(pool.submit(_work, rollout, seed, number, out))
+                if len(running) >= 2 * workers:
+                    break
+            if not running:
+                return
+            done, running = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield future.result()
+    except BrokenProcessPool:
+        raise JengaError(
+            f"a worker process died (out of memory, or killed); finished episodes are kept in {out}: "
+            "run the same command again to go on"
+        ) from None
+    finally:
+        _stop(pool)
+
+
+def _stop(pool: ProcessPoolExecutor) -> None:
+    """End the workers at once: what they were writing is a .partial file, which the next run writes anew."""
+    processes = list((pool._processes or {}).values())
+    pool.shutdown(wait=False, cancel_futures=True)
+    for process in processes:
+        process.terminate()
+    for process in processes:
+        process.join()
+
+
+def _ignore_interrupts() -> None:
+    """Ctrl-C reaches every process of the terminal; the parent alone decides what it means."""
+    import signal
+
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def _work(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
+    from jenga_data.log.writer import EpisodeWriter
+
+    result = rollout(seed, number, lambda header, xml: EpisodeWriter(out / f"{header.key}.mcap", header, xml))
+    return result.verdict.outcome.value, result.cause
+
+
+def _ending(path: Path) -> tuple[str, str]:
+    from jenga_data.log.reader import read_header
+
+    _, result = read_header(path)
+    if result is None:
+        raise JengaError(f"{path} has no outcome; move it away and run the same command again")
+    return result.verdict.outcome.value, result.cause
+
+
+@contextmanager
+def _claimed(out: Path, config: CollectConfig, seed: int, actor: Actor) -> Iterator[None]:
+    """Hold the folder for this process, and check that what it holds comes from the same recipe."""
+    wanted = {"config": recipe(config, actor), "seed": seed, "checkpoint": actor.checkpoint}
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(out / ".lock")
+        with lock.acquire(timeout=0):
+            _check_recipe(out / RECIPE, wanted)
+            yield
+    except Timeout:
+        raise JengaError(f"another process collects into {out}; wait for it or choose another --out") from None
+    except OSError as error:
+        why = "the disk is full" if error.errno == errno.ENOSPC else os.strerror(error.errno or 0)
+        raise JengaError(f"cannot write to {out}: {why}; finished episodes are kept") from None
+
+
+def _check_recipe(path: Path, wanted: dict[str, object]) -> None:
+    if path.exists():
+        try:
+            found = msgspec.json.decode(path.read_bytes())
+            config_from_dict(found["config"])
+        except (msgspec.DecodeError, KeyError, TypeError):
+            raise JengaError(f"{path} is no recipe of a collection; choose another --out") from None
+        if found != msgspec.to_builtins(wanted):
+            raise JengaError(
+                f"{path.parent} holds episodes of another configuration or seed (see {path.name}); choose another --out"
+            )
+        return
+    others = [p.name for p in path.parent.iterdir() if p.name != ".lock"]
+    if others:
+        raise JengaError(f"{path.parent} exists and is no collection (it holds {others[0]}); choose another --out")
+    partial_path = path.with_suffix(".json.partial")
+    partial_path.write_bytes(msgspec.json.format(msgspec.json.encode(wanted, order="deterministic")))
+    partial_path.rename(path)

@@ -1,0 +1,134 @@
+"""The scene as an MjSpec: table, turntable, tower, and what pulls: a servo on the block or a free-floating gripper."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from jenga_data.blocks import Blocks
+from jenga_data.sim.physics import GripperConfig, PhysicsConfig
+
+TURNTABLE_RADIUS = 0.12
+TABLE_TOP = 0.0
+"""The tower's bottom stands at z = 0."""
+
+_WOOD = ((0.87, 0.72, 0.53, 1.0), (0.80, 0.62, 0.42, 1.0))
+_TARGET = (0.84, 0.37, 0.0, 1.0)
+_STEEL = (0.35, 0.37, 0.40, 1.0)
+
+
+def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
+    """An empty table with the solver settings."""
+    spec = mujoco.MjSpec()
+    spec.modelname = "jenga"
+    option = spec.option
+    option.timestep = physics.timestep_ns * 1e-9
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    option.jacobian = mujoco.mjtJacobian.mjJAC_SPARSE
+    option.integrator = {
+        "discrete": mujoco.mjtIntegrator.mjINT_DISCRETE,
+        "implicitfast": mujoco.mjtIntegrator.mjINT_IMPLICITFAST,
+    }[physics.integrator]
+    option.impratio = physics.impratio
+    option.sleep_tolerance = physics.sleep_tolerance
+    spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
+    spec.worldbody.add_light(pos=[-0.5, -0.5, 1.5], dir=[0.3, 0.3, -1.0])
+    spec.worldbody.add_geom(
+        name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.6, 0.02], pos=[0, 0, TABLE_TOP - 0.03],
+        rgba=[0.55, 0.57, 0.60, 1.0], **wood_contact(physics),
+    )  # fmt: skip
+    spec.worldbody.add_geom(
+        name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, 0.005, 0],
+        pos=[0, 0, TABLE_TOP - 0.005], rgba=_STEEL, **wood_contact(physics),
+    )  # fmt: skip
+    return spec
+
+
+def wood_contact(physics: PhysicsConfig) -> dict[str, object]:
+    """Contact parameters of a wooden surface, as arguments of `add_geom`."""
+    return {
+        "condim": 3,
+        "friction": [physics.friction, 0.005, 0.0001],
+        "solref": [physics.time_constant, physics.damping_ratio],
+        "solimp": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
+    }
+
+
+def add_tower(
+    spec: mujoco.MjSpec, blocks: Blocks, pose: Float[np.ndarray, "block 7"], target: int, physics: PhysicsConfig
+) -> None:
+    """Add every block as a free body `block_N` with one box geom of the same name."""
+    for i in range(len(blocks)):
+        body = spec.worldbody.add_body(name=f"block_{i}", pos=pose[i, :3], quat=pose[i, 3:])
+        body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
+        body.add_freejoint(name=f"block_{i}")
+        body.add_geom(
+            name=f"block_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=blocks.size[i] / 2, mass=blocks.mass[i],
+            rgba=_TARGET if i == target else _WOOD[i % 2], **wood_contact(physics),
+        )  # fmt: skip
+
+
+def add_servo(spec: mujoco.MjSpec, target: int, gain: float, force_limit: tuple[float, float, float]) -> None:
+    """Add velocity servos `servo_x`, `_y`, `_z` that act on the target's centre along the world's axes.
+
+    Args:
+        gain: force per velocity error [N s/m]; the integrator treats it implicitly.
+        force_limit: cap of the force along x, y, z [N].
+    """
+    spec.body(f"block_{target}").add_site(name="target")
+    spec.worldbody.add_site(name="world")
+    for axis, name in enumerate("xyz"):
+        servo = spec.add_actuator(
+            name=f"servo_{name}", trntype=mujoco.mjtTrn.mjTRN_SITE, target="target", refsite="world"
+        )
+        servo.set_to_velocity(kv=gain)
+        servo.gear = [float(axis == k) for k in range(6)]
+        servo.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        servo.forcerange = [-force_limit[axis], force_limit[axis]]
+
+
+def add_gripper(
+    spec: mujoco.MjSpec, position: Float[np.ndarray, "3"], gripper: GripperConfig, physics: PhysicsConfig
+) -> None:
+    """Add a hand that points along +x, its fingertips open around `position` (the point between them)."""
+    hand = spec.worldbody.add_body(name="hand", pos=position, gravcomp=1)
+    damping = 2 * np.sqrt(gripper.stiffness * gripper.mass)
+    for axis, name in enumerate("xyz"):
+        hand.add_joint(name=f"hand_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[float(axis == k) for k in range(3)])
+        drive = spec.add_actuator(name=f"hand_{name}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"hand_{name}")
+        drive.set_to_position(kp=gripper.stiffness, kv=damping)
+        drive.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+        drive.forcerange = [-gripper.force_limit, gripper.force_limit]
+    visual = {"contype": 0, "conaffinity": 0}
+    hand.add_geom(
+        name="palm", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.03, 0.05, 0.02], pos=[-0.075, 0, 0],
+        mass=gripper.mass, rgba=_STEEL, **visual,
+    )  # fmt: skip
+    hand.add_site(name="grasp")
+    pad = np.array(gripper.pad) / 2
+    for name, side in (("left", 1.0), ("right", -1.0)):
+        finger = hand.add_body(name=f"{name}_finger", pos=[0, side * (gripper.opening / 2 + pad[1]), 0], gravcomp=1)
+        finger.add_joint(
+            name=f"{name}_finger", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0], range=[0, gripper.opening / 2],
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=5.0,
+        )  # fmt: skip
+        finger.add_geom(
+            name=f"{name}_pad", type=mujoco.mjtGeom.mjGEOM_BOX, size=pad, mass=0.02, rgba=[0.1, 0.1, 0.1, 1],
+            priority=1, **(wood_contact(physics) | {"friction": [gripper.finger_friction, 0.01, 0.0001]}),
+        )  # fmt: skip
+        finger.add_geom(
+            name=f"{name}_link", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.0225, 0.004, 0.006], pos=[-0.03, 0, 0],
+            mass=0.02, rgba=_STEEL, **visual,
+        )  # fmt: skip
+        motor = spec.add_actuator(name=f"{name}_finger", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{name}_finger")
+        motor.set_to_motor()
+        motor.ctrlrange = [-gripper.grip_force, gripper.grip_force]
+        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+
+
+def xml_with_start(spec: mujoco.MjSpec, data: mujoco.MjData) -> str:
+    """The scene as MJCF, its keyframe 0 the given state; plain MuJoCo loads it."""
+    for key in list(spec.keys):
+        spec.delete(key)
+    spec.add_key(name="start", qpos=data.qpos.copy(), qvel=data.qvel.copy(), ctrl=data.ctrl.copy(), time=0.0)
+    return spec.to_xml()

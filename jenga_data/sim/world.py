@@ -1,0 +1,121 @@
+"""A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from jenga_data.blocks import Blocks
+from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Contacts
+from jenga_data.geometry import rotation_matrices
+from jenga_data.tower import Layout, TowerState
+
+_SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+STATE_SPEC = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+
+class World:
+    """A compiled scene with a tower in it, and its state."""
+
+    def __init__(self, spec: mujoco.MjSpec, blocks: Blocks, layout: Layout) -> None:
+        self.spec = spec
+        self.blocks = blocks
+        self.layout = layout
+        self.model = spec.compile()
+        self.data = mujoco.MjData(self.model)
+        mujoco.mj_forward(self.model, self.data)
+        joints = [self.model.joint(f"block_{i}") for i in range(len(blocks))]
+        self._qpos = np.array([j.qposadr[0] for j in joints])[:, None] + np.arange(7)
+        self._qvel = np.array([j.dofadr[0] for j in joints])[:, None] + np.arange(6)
+        self._tree = self.model.body_treeid[[self.model.body(f"block_{i}").id for i in range(len(blocks))]]
+        self._geom_id = _ids_of_geoms(self.model)
+        self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
+
+    def actuators(self, *names: str) -> list[int]:
+        """Numbers of actuators, for `data.ctrl`."""
+        return [self.model.actuator(name).id for name in names]
+
+    def cut_power(self, actuators: list[int]) -> None:
+        """Let actuators exert no force at all from now on."""
+        self.model.actuator_gainprm[actuators] = 0.0
+        self.model.actuator_biasprm[actuators] = 0.0
+
+    def step(self, count: int = 1) -> None:
+        mujoco.mj_step(self.model, self.data, nstep=count)
+
+    def allow_sleep(self, allowed: bool) -> None:
+        """Let a tower that has come to rest sleep, or wake everything. A sleeping tower does not creep and costs
+        almost nothing to step, but one that is slowly on its way to fall would be frozen too: allow it only after
+        the tower was seen to be quiet while awake."""
+        if allowed:
+            self.model.opt.enableflags |= _SLEEP
+        else:
+            self.model.opt.enableflags &= ~_SLEEP
+
+    @property
+    def asleep(self) -> bool:
+        """Whether every block sleeps."""
+        return bool((self.data.tree_asleep[self._tree] >= 0).all())
+
+    @property
+    def time_ns(self) -> int:
+        """Simulated time as a whole number of steps, exact."""
+        step_ns = round(self.model.opt.timestep * 1e9)
+        return round(self.data.time * 1e9 / step_ns) * step_ns
+
+    @property
+    def pose(self) -> Float[np.ndarray, "block 7"]:
+        return self.data.qpos[self._qpos].copy()
+
+    @property
+    def twist(self) -> Float[np.ndarray, "block 6"]:
+        """Velocities in the world: MuJoCo keeps the angular part of a free joint in the body's frame."""
+        velocity = self.data.qvel[self._qvel]
+        rotation = rotation_matrices(self.data.qpos[self._qpos][:, 3:])
+        return np.concatenate([velocity[:, :3], np.einsum("bij,bj->bi", rotation, velocity[:, 3:])], axis=1)
+
+    def set_tower(self, pose: Float[np.ndarray, "block 7"]) -> None:
+        """Put the blocks somewhere, at rest."""
+        self.data.qpos[self._qpos] = pose
+        self.data.qvel[self._qvel] = 0.0
+        mujoco.mj_forward(self.model, self.data)
+
+    def tower_state(self) -> TowerState:
+        return TowerState(self.blocks, self.layout, self.pose, self.twist)
+
+    def contacts(self) -> Contacts:
+        """Touching pairs that involve a block, with the summed force that `second` exerts on `first`."""
+        contact = self.data.contact
+        address = contact.efc_address
+        active = address >= 0
+        body = self._geom_id[contact.geom[active]]
+        rows = address[active][:, None] + np.arange(3)
+        local = self.data.efc_force[rows]  # normal, then two tangents: elliptic cones keep them as they are
+        on_second = np.einsum("ca,cax->cx", local, contact.frame[active].reshape(-1, 3, 3))
+        swap = body[:, 0] < body[:, 1]  # the higher id, always a block, comes first
+        first = np.where(swap, body[:, 1], body[:, 0])
+        second = np.where(swap, body[:, 0], body[:, 1])
+        on_first = np.where(swap[:, None], on_second, -on_second)
+        keep = first >= 0
+        pairs, where = np.unique(np.stack([first[keep], second[keep]], 1), axis=0, return_inverse=True)
+        force = np.zeros((len(pairs), 3))
+        np.add.at(force, where.ravel(), on_first[keep])
+        return Contacts(pairs[:, 0], pairs[:, 1], force)
+
+    def integration_state(self) -> Float[np.ndarray, " state"]:
+        """All that decides how the simulation goes on (mjSTATE_INTEGRATION)."""
+        state = np.empty(self._state_size)
+        mujoco.mj_getState(self.model, self.data, state, STATE_SPEC)
+        return state
+
+    def restore(self, state: Float[np.ndarray, " state"]) -> None:
+        """Go back to an `integration_state`; stepping on from there repeats the same bytes."""
+        mujoco.mj_setState(self.model, self.data, state, STATE_SPEC)
+        mujoco.mj_forward(self.model, self.data)
+
+
+def _ids_of_geoms(model: mujoco.MjModel) -> np.ndarray:
+    names = [model.geom(i).name for i in range(model.ngeom)]
+    special = {"table": TABLE, "turntable": TABLE, "left_pad": LEFT_FINGER, "right_pad": RIGHT_FINGER}
+    return np.array(
+        [int(n.removeprefix("block_")) if n.startswith("block_") else special.get(n, ROBOT) for n in names], np.int64
+    )

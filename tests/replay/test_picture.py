@@ -1,0 +1,172 @@
+"""Pictures show what must be seen: the target where it is, what hides it, ghosts, and a name and a time for each moment."""
+
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from made_up_episode import TARGET, nominal_pose
+from matplotlib.figure import Figure
+
+from jenga_data.blocks import sample_blocks
+from jenga_data.episode import Episode, Prediction
+from jenga_data.errors import JengaError
+from jenga_data.replay import palette
+from jenga_data.replay.curves import episode_curves
+from jenga_data.replay.paint import Boxes
+from jenga_data.replay.picture import film_strip, gripper_boxes, render_tower, tower_camera, tower_grid
+from jenga_data.tower import Layout, TowerState
+
+
+def like(image: np.ndarray, colour: tuple[float, float, float], tolerance: float = 0.06) -> np.ndarray:
+    """Pixels of that hue, however bright: the colour's direction, among pixels that are not nearly black."""
+    size = np.linalg.norm(image, axis=-1)
+    direction = image / np.maximum(size, 1e-9)[..., None]
+    wanted = np.array(colour) / np.linalg.norm(colour)
+    return (np.linalg.norm(direction - wanted, axis=-1) < tolerance) & (size > 0.2)
+
+
+def draw(episode: Episode, frame: int, path: Path, **more) -> np.ndarray:
+    return render_tower(
+        path, episode.pose[frame], episode.header.blocks.size, target=TARGET, height=300, **more
+    )  # fmt: skip
+
+
+def test_the_target_moves_left_as_it_is_pulled(episode: Episode, tmp_path: Path) -> None:
+    camera = tower_camera([Boxes(p, episode.header.blocks.size, np.zeros((54, 3))) for p in episode.pose[[0, -1]]])
+    columns = []
+    for frame in (0, 45, 119):
+        image = draw(episode, frame, tmp_path / "t.png", camera=camera)
+        blue = like(image, palette.TARGET)
+        assert blue.sum() > 200
+        columns.append(np.argwhere(blue)[:, 1].mean() / image.shape[1])
+    assert columns[0] > columns[1] > columns[2]
+    assert columns[2] < 0.35
+
+
+def test_a_target_inside_the_tower_is_seen_from_its_own_side_only(tmp_path: Path) -> None:
+    layout = Layout.fresh()
+    blocks = sample_blocks("nominal", np.random.default_rng(0))
+    pose = nominal_pose(layout, blocks, quarter_turn=0)
+    centre = 31  # slot 1 of level 10, along x: only its two ends show
+    for azimuth, visible in ((np.pi, True), (0.0, True), (np.pi / 2, False), (-np.pi / 2, False)):
+        camera = tower_camera([Boxes(pose, blocks.size, np.zeros((54, 3)))], azimuth=azimuth, elevation=0.1)
+        image = render_tower(tmp_path / "t.png", pose, blocks.size, target=centre, camera=camera, height=300)
+        assert like(image, palette.TARGET).any() == visible
+
+
+def test_the_gripper_hides_part_of_the_target(episode: Episode, tmp_path: Path) -> None:
+    hand = gripper_boxes(episode, 60)
+    camera = tower_camera([Boxes(episode.pose[60], episode.header.blocks.size, np.zeros((54, 3))), *hand])
+    free = like(draw(episode, 60, tmp_path / "t.png", camera=camera), palette.TARGET).sum()
+    held = like(draw(episode, 60, tmp_path / "t.png", camera=camera, others=hand), palette.TARGET).sum()
+    assert 0.2 * free < held < 0.95 * free
+
+
+def test_a_ghost_shows_where_it_departs_from_the_truth_and_not_where_it_agrees(
+    episode: Episode, tmp_path: Path
+) -> None:
+    size = episode.header.blocks.size
+    camera = tower_camera([Boxes(episode.pose[119], size, np.zeros((54, 3)))])
+
+    def changed(shift: float) -> float:
+        pose = episode.pose[119].copy()
+        pose[TARGET, 1] -= shift
+        ghost = Boxes(pose[[TARGET]], size[[TARGET]], np.array([palette.PURPLE]))
+        plain, drawn = (draw(episode, 119, tmp_path / "t.png", camera=camera, ghosts=g) for g in ([], [ghost]))
+        return float((np.abs(drawn - plain).max(axis=-1) > 0.1).mean())
+
+    assert changed(0.05) > 3 * changed(0.0)
+    assert changed(0.05) > 0.005
+
+
+def test_a_picture_in_a_file_is_the_picture_returned(episode: Episode, tmp_path: Path) -> None:
+    image = draw(episode, 0, tmp_path / "t.png")
+    stored = matplotlib.image.imread(tmp_path / "t.png")[..., :3]
+    np.testing.assert_allclose(stored, image, atol=1 / 255)
+
+
+def test_drawing_into_axes_shows_the_picture(episode: Episode) -> None:
+    axes = Figure().add_subplot()
+    image = render_tower(axes, episode.pose[0], episode.header.blocks.size, height=100)
+    assert axes.images[0].get_array() is not None
+    assert image.shape[0] == 100
+
+
+def test_a_lost_block_lies_on_the_table_and_casts_a_shadow(tmp_path: Path) -> None:
+    size = np.array([[0.075, 0.025, 0.015]])
+    pose = np.array([[0.0, 0.0, 0.0075, 1.0, 0.0, 0.0, 0.0]])
+    camera = tower_camera([Boxes(pose, size, np.zeros((1, 3)))])
+    flying = pose + [[0, 0, 0.05, 0, 0, 0, 0]]
+    low, high = (render_tower(tmp_path / "t.png", p, size, camera=camera, height=240) for p in (pose, flying))
+    table = np.array(palette.TABLE)
+    darker = [((image < table * 0.9).all(axis=-1) & like(image, palette.TABLE, 0.02)).sum() for image in (low, high)]
+    assert darker[1] > 100
+    assert not np.array_equal(low, high)
+
+
+def test_a_film_strip_names_the_phase_and_the_time_of_each_moment(
+    episode: Episode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr("jenga_data.replay.style.save", lambda figure, path: figures.append(figure))
+    film_strip(episode, [0, 30, 119], tmp_path / "film.png", height=120)
+    titles = [axes.get_title() for axes in figures[0].axes]
+    assert titles == ["approach\n0.00 s", "pull\n0.96 s", "hold\n3.81 s"]
+
+
+def test_a_film_strip_refuses_a_frame_that_is_not_there(episode: Episode, tmp_path: Path) -> None:
+    with pytest.raises(JengaError, match=r"frame 120 is not in the episode; it has frames 0 to 119"):
+        film_strip(episode, [0, 120], tmp_path / "film.png")
+
+
+def test_towers_of_a_grid_share_one_scale(tmp_path: Path) -> None:
+    """A tower of six levels is a third as high as one of eighteen, in pixels."""
+    heights = []
+    blocks = sample_blocks("nominal", np.random.default_rng(0))
+    for levels in (18, 6):
+        few = 3 * levels
+        layout = Layout.fresh(np.arange(few))
+        part = type(blocks)(blocks.size[:few], blocks.mass[:few])
+        heights.append(TowerState(part, layout, nominal_pose(layout, part, 0), np.zeros((few, 6))))
+    tower_grid(heights, ["high", "low"], tmp_path / "grid.png", height=300)
+    image = matplotlib.image.imread(tmp_path / "grid.png")[..., :3]
+    rows = []
+    for half in np.array_split(image, 2, axis=1):
+        brown = (half[..., 0] - half[..., 2]) > 0.12
+        rows.append(np.ptp(np.argwhere(brown)[:, 0]))
+    assert 0.35 < rows[1] / rows[0] < 0.55  # a third of the height, and as much of the top as before
+
+
+@pytest.mark.parametrize("with_model", [True, False])
+def test_curves_have_a_labelled_panel_for_all_that_there_is(
+    episode: Episode,
+    predictions: list[Prediction],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    with_model: bool,
+) -> None:
+    figures: list[Figure] = []
+    monkeypatch.setattr("jenga_data.replay.style.save", lambda figure, path: figures.append(figure))
+    episode_curves(episode, predictions if with_model else [], tmp_path / "curves.png")
+    panels = {axes.get_ylabel().replace("\n", " "): axes for axes in figures[0].axes}
+    wanted = ["action [mm]", "fingertip force [N]", "others moved [mm]"]
+    assert list(panels) == wanted + with_model * ["error of the others [mm]", "error of the target [mm]"]
+    assert figures[0].axes[-1].get_xlabel() == "time [s]"
+    assert [text.get_text() for text in figures[0].axes[0].texts] == ["approach", "grasp", "pull", "hold"]
+    farthest = next(line for line in panels["others moved [mm]"].lines if line.get_label() == "farthest")
+    assert episode.result is not None
+    assert np.max(farthest.get_ydata()) == pytest.approx(1e3 * episode.result.verdict.moved)
+
+
+def test_the_same_curves_give_the_same_bytes(episode: Episode, tmp_path: Path) -> None:
+    for name in ("a.png", "b.png"):
+        episode_curves(episode, [], tmp_path / name)
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+
+
+def test_a_picture_that_cannot_be_written_is_one_clear_line(episode: Episode, tmp_path: Path) -> None:
+    with pytest.raises(JengaError, match="cannot write .*No such file"):
+        draw(episode, 0, tmp_path / "missing" / "t.png")
+    with pytest.raises(JengaError, match="cannot write .*No such file"):
+        episode_curves(episode, [], tmp_path / "missing" / "c.png")
