@@ -142,7 +142,7 @@ def test_a_damaged_state_is_refused(selection_data: FakeDataset, tmp_path: Path,
     state.write_bytes(state.read_bytes()[:1000])
     with pytest.raises(CheckFailed, match=r"last.ckpt is damaged; delete it and resume"):
         train_selection(selection_data, SELECTION, tmp_path / "out", resume=True)
-    with pytest.raises(JengaError, match="is no checkpoint: it has no checkpoint.json; .*finish it with --resume"):
+    with pytest.raises(JengaError, match=r"is no checkpoint: it has no checkpoint.json; .*finish it with --resume"):
         load(tmp_path / "out")
     state.unlink()
     assert train_selection(selection_data, SELECTION, tmp_path / "out", resume=True).metrics["epochs"] == 5
@@ -150,7 +150,7 @@ def test_a_damaged_state_is_refused(selection_data: FakeDataset, tmp_path: Path,
 
 def test_a_folder_that_cannot_be_written_is_one_line(selection_data: FakeDataset, tmp_path: Path):
     (tmp_path / "file").write_text("in the way")
-    with pytest.raises(JengaError, match="cannot write .*Not a directory"):
+    with pytest.raises(JengaError, match=r"cannot write .*Not a directory"):
         train_selection(selection_data, SELECTION, tmp_path / "file" / "out")
 
 
