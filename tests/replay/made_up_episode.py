@@ -55,7 +55,7 @@ def make_episode(frames: int = 120, pull: tuple[int, int] = (20, 70), robot: boo
     time_ns = np.arange(frames) * CONTROL_STEP_NS + 1_000_000_000
     contacts = [_contacts(p, blocks, robot and k >= 12, rng) for k, p in enumerate(pose)]
     step = np.diff(pose[:, TARGET, :3], axis=0, append=pose[-1:, TARGET, :3])
-    actions = np.arange(*pull)
+    actions = np.arange(pull[0], min(pull[1], frames))
     header = EpisodeHeader(
         key="5f0c9a7be2d14c3380aa11d5e6f70912", kind="extraction" if robot else "selection", seed=7, number=3,
         blocks=blocks, layout=layout, target=TARGET, turn=3, face=0, config={"friction": 0.35},

@@ -1,4 +1,4 @@
-"""Pictures show what must be seen: the target where it is, what hides it, ghosts, and a name and a time for each moment."""
+"""Pictures show what must be seen: the target where it is, what hides it, ghosts, a name and a time a moment."""
 
 from pathlib import Path
 
@@ -97,7 +97,7 @@ def test_a_lost_block_lies_on_the_table_and_casts_a_shadow(tmp_path: Path) -> No
     size = np.array([[0.075, 0.025, 0.015]])
     pose = np.array([[0.0, 0.0, 0.0075, 1.0, 0.0, 0.0, 0.0]])
     camera = tower_camera([Boxes(pose, size, np.zeros((1, 3)))])
-    flying = pose + [[0, 0, 0.05, 0, 0, 0, 0]]
+    flying = pose + np.array([0, 0, 0.05, 0, 0, 0, 0])
     low, high = (render_tower(tmp_path / "t.png", p, size, camera=camera, height=240) for p in (pose, flying))
     table = np.array(palette.TABLE)
     darker = [((image < table * 0.9).all(axis=-1) & like(image, palette.TABLE, 0.02)).sum() for image in (low, high)]
@@ -166,7 +166,7 @@ def test_the_same_curves_give_the_same_bytes(episode: Episode, tmp_path: Path) -
 
 
 def test_a_picture_that_cannot_be_written_is_one_clear_line(episode: Episode, tmp_path: Path) -> None:
-    with pytest.raises(JengaError, match="cannot write .*No such file"):
+    with pytest.raises(JengaError, match=r"cannot write .*No such file"):
         draw(episode, 0, tmp_path / "missing" / "t.png")
-    with pytest.raises(JengaError, match="cannot write .*No such file"):
+    with pytest.raises(JengaError, match=r"cannot write .*No such file"):
         episode_curves(episode, [], tmp_path / "missing" / "c.png")
