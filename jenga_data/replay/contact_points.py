@@ -82,9 +82,14 @@ class GraphNodes:
 def graph_nodes(episode: Episode, contacts: ContactPoints) -> GraphNodes:
     """One node a block, in three columns and as many rows as there are levels, and one for all else that is touched."""
     level, slot = episode.header.layout.level, episode.header.layout.slot
-    beside = float(level[episode.header.target])
-    around = {"table": (TABLE, 0.0, -1.2), "left": (LEFT_FINGER, -2.0, beside), "right": (RIGHT_FINGER, 2.0, beside)}
-    around["robot"] = (ROBOT, 2.0, beside - 2)
+    height = float(level[episode.header.target])
+    side = -2.0 if slot[episode.header.target] == 0 else 2.0  # so that no edge to the target runs behind a block
+    around = {
+        "table": (TABLE, 0.0, -1.2),
+        "left": (LEFT_FINGER, side, height + 0.6),
+        "right": (RIGHT_FINGER, side, height - 0.6),
+        "robot": (ROBOT, side, height - 1.8),
+    }
     bodies = set(contacts.first.tolist()) | set(contacts.second.tolist())
     there = {name: values for name, values in around.items() if values[0] in bodies}
     row = np.arange(len(level) + 4)
