@@ -1,0 +1,121 @@
+"""The verbs that act and show: demo, eval, replay. Heavy imports stay inside."""
+
+from pathlib import Path
+from typing import Literal
+
+import tyro
+
+from jenga_data.command_line import Json, Shown, Verb
+
+
+def demo(
+    out: Path | None = None,
+    workers: int = 2,
+    seed: int = 0,
+    selection_episodes: int = 20,
+    extraction_episodes: int = 10,
+    towers: int = 3,
+    epochs: int | None = None,
+    json: Json = False,
+) -> Shown:
+    """The whole loop, small, in minutes: simulate, log, convert, train, evaluate, control, replay.
+
+    Args:
+        out: new folder for everything; by default the first free one of runs/demo-1, runs/demo-2, ...
+        workers: processes that simulate.
+        seed: decides every tower and pull.
+        selection_episodes: rollouts that pull a block with a servo.
+        extraction_episodes: rollouts that pull a block with a gripper.
+        towers: held-out towers on which every controller pulls.
+        epochs: of both trainings; by default those of the preset "fast".
+    """
+    from jenga_control.demo import DemoSize, closing_words, free_folder, run_demo
+
+    size = DemoSize(selection_episodes, extraction_episodes, towers, epochs)
+    result = run_demo(out or free_folder(), workers, seed, size)
+    return Shown(json, result, closing_words(result))
+
+
+def evaluate() -> dict[str, Verb]:
+    def selection(model: Path, dataset: str, json: Json = False) -> Shown:
+        """Accuracy of a selector on the test towers, next to the baselines.
+
+        Args:
+            model: folder of a checkpoint.
+            dataset: NAME@X.Y.Z or a folder.
+        """
+        from jenga_control.evaluate_selection import evaluate_selection
+        from jenga_control.tables import selection_tables
+        from jenga_data.dataset.read import open_dataset
+
+        report = evaluate_selection(model, open_dataset(dataset))
+        return Shown(json, report, selection_tables(report))
+
+    def dynamics(model: Path, dataset: str, json: Json = False) -> Shown:
+        """Errors of a dynamics model on the test towers, one step and open loop, next to the trivial prediction.
+
+        Args:
+            model: folder of a checkpoint.
+            dataset: NAME@X.Y.Z or a folder.
+        """
+        from jenga_control.evaluate_dynamics import evaluate_dynamics
+        from jenga_control.tables import dynamics_tables
+        from jenga_data.dataset.read import open_dataset
+
+        report = evaluate_dynamics(model, open_dataset(dataset))
+        return Shown(json, report, dynamics_tables(report))
+
+    def extraction(
+        out: Path,
+        model: Path | None = None,
+        objective: tuple[Literal["full", "naive", "straight"], ...] = ("full", "naive", "straight"),
+        towers: int = 100,
+        preset: Literal["paper", "best"] = "best",
+        seed: int = 900_000,
+        workers: int = 2,
+        json: Json = False,
+    ) -> Shown:
+        """Pull random legal blocks of new towers in closed loop and count how many come out.
+
+        Args:
+            out: folder of the logs; the same command goes on where it was interrupted.
+            model: folder of a dynamics checkpoint; the objective "full" needs one.
+            objective: MPPI on O_a + O_d (full), on O_a alone (naive), or a straight pull; the first is reported,
+                the others are its baselines on the same towers and targets.
+            towers: how many.
+            preset: of the search.
+            seed: from 900000 up, which no training data may have.
+            workers: processes that simulate.
+        """
+        from jenga_control.evaluate_extraction import evaluate_extraction
+        from jenga_control.tables import extraction_tables
+
+        report = evaluate_extraction(model, out, objective, towers, seed, workers, preset)
+        return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
+
+    return {"selection": selection, "dynamics": dynamics, "extraction": extraction}
+
+
+def replay(
+    episode: tyro.conf.Positional[Path],
+    model: tuple[Path, ...] = (),
+    save: Path | None = None,
+    web: bool = False,
+    png: Path | None = None,
+    time: float = 0.0,
+    json: Json = False,
+) -> Shown:
+    """Show an episode in rerun, with models' predictions drawn over the truth.
+
+    Args:
+        episode: an MCAP log.
+        model: folders of checkpoints.
+        save: write a recording for rerun instead of opening it.
+        web: serve it to a browser.
+        png: take a screenshot without a screen (needs a Vulkan driver, such as Debian's mesa-vulkan-drivers).
+        time: moment of the screenshot [s].
+    """
+    from jenga_control.replay import replay as run
+
+    shown = run(episode, model, save=save, web=web, png=png, time=time)
+    return Shown(json, {"episode": str(episode), "written": [str(path) for path in shown]}, "\n".join(map(str, shown)))

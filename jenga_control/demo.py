@@ -1,0 +1,177 @@
+"""The whole loop once, small: simulate, log, convert, train, evaluate, control, replay. What `jenga demo` runs."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from jenga_control.demo_page import DemoResults, write_demo_page
+from jenga_control.evaluate_dynamics import evaluate_dynamics
+from jenga_control.evaluate_extraction import evaluate_extraction
+from jenga_control.evaluate_selection import evaluate_selection
+from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables, write_report
+from jenga_data.collect.config import ExtractionConfig, SelectionConfig
+from jenga_data.collect.workers import collect
+from jenga_data.dataset.convert import convert
+from jenga_data.dataset.read import open_dataset
+from jenga_data.dataset.verify import verify
+from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.log.reader import read_episode
+from jenga_data.replay.curves import episode_curves
+from jenga_data.replay.picture import film_strip, tower_grid
+from jenga_data.replay.rerun_adapter import write_rrd
+from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS
+from jenga_models.overlay import overlay
+from jenga_models.train import train_dynamics, train_selection
+
+
+@dataclass(frozen=True)
+class DemoSize:
+    """How much the demo does: minutes on two cores, and far too little to learn much from."""
+
+    selection_episodes: int = 20
+    """Rollouts that pull with a servo, one a tower."""
+    extraction_episodes: int = 10
+    """Rollouts of the gripper, up to 51 transitions each."""
+    towers: int = 3
+    """Held-out towers on which each controller pulls."""
+    epochs: int | None = None
+    """Of both trainings; by default those of the preset "fast"."""
+
+
+def free_folder(parent: Path = Path("runs")) -> Path:
+    """The first of demo-1, demo-2, ... that does not exist: a demo never overwrites an older one."""
+    number = 1
+    while (parent / f"demo-{number}").exists():
+        number += 1
+    return parent / f"demo-{number}"
+
+
+def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, Any]:
+    """Run the loop into the new folder `out`. Returns where everything is.
+
+    Raises:
+        JengaError: `out` exists, or a step failed.
+    """
+    if out.exists():
+        raise JengaError(f"{out} exists; a demo needs a new folder: choose another --out")
+    began = monotonic()
+    logs, data, models, tables = out / "logs", out / "datasets", out / "checkpoints", out / "tables"
+
+    _say(1, "simulate: towers of rounds 1 to 15, random blocks pulled, every rollout an MCAP log")
+    collected = {
+        "selection": collect(SelectionConfig(), seed, size.selection_episodes, workers, logs / "selection"),
+        "extraction": collect(ExtractionConfig(), seed, size.extraction_episodes, workers, logs / "extraction"),
+    }
+    _say(2, "convert: logs to Parquet datasets, then check every byte")
+    folders = {"selection": data / "demo-selection", "dynamics": data / "demo-dynamics"}
+    convert([logs / "selection"], folders["selection"], "demo-selection", "0.1.0")
+    convert([logs / "extraction"], folders["dynamics"], "demo-dynamics", "0.1.0")
+    for folder in folders.values():
+        if not (report := verify(folder)).ok:
+            failed = [f"{name}: {check.detail}" for name, check in report.checks.items() if not check.ok]
+            raise CheckFailed(f"{folder} does not verify: {'; '.join(failed)}")
+
+    _say(3, "train: which block fails (graph network), how the tower moves (graph network simulator)")
+    datasets = {kind: open_dataset(folder) for kind, folder in folders.items()}
+    settings = {"epochs": size.epochs} if size.epochs else {}
+    selector = models / "selection"
+    train_selection(datasets["selection"], _with(SELECTION_PRESETS["fast"], settings), selector)
+    simulator = models / "dynamics"
+    train_dynamics(datasets["dynamics"], _with(DYNAMICS_PRESETS["fast"], settings), simulator)
+
+    _say(4, "evaluate on held-out towers, next to the trivial baselines")
+    selection = evaluate_selection(selector, datasets["selection"])
+    dynamics = evaluate_dynamics(simulator, datasets["dynamics"])
+    write_report(tables, "selection", selection, selection_tables(selection))
+    write_report(tables, "dynamics", dynamics, dynamics_tables(dynamics))
+
+    _say(5, "control: MPPI with the learned model, MPPI without it, and a straight pull, on the same new towers")
+    extraction = evaluate_extraction(simulator, logs / "closed-loop", towers=size.towers, workers=workers)
+    write_report(tables, "extraction", extraction, extraction_tables([extraction, *extraction["baselines"].values()]))
+
+    _say(6, "replay: the truth and the model's prediction together, and pictures")
+    shown = _pick(logs / "closed-loop" / "full")
+    results = DemoResults(
+        out=out,
+        collected=collected,
+        manifests={kind: dataset.manifest for kind, dataset in datasets.items()},
+        selection=selection,
+        dynamics=dynamics,
+        extraction=extraction,
+        episode=shown,
+        replay=out / "replay.rrd",
+        pictures=_pictures(out / "pictures", logs, shown, simulator, out / "replay.rrd"),
+        checkpoints=(selector, simulator),
+        seconds=monotonic() - began,
+    )
+    index = write_demo_page(results)
+    return {
+        "out": str(out),
+        "index": str(index),
+        "episode": str(shown),
+        "checkpoints": {"selection": str(selector), "dynamics": str(simulator)},
+        "datasets": {kind: str(folder) for kind, folder in folders.items()},
+        "tables": str(tables),
+        "replay": str(results.replay),
+        "seconds": round(monotonic() - began, 1),
+    }
+
+
+def closing_words(result: dict[str, Any]) -> str:
+    """Where everything is, and what to try next."""
+    return "\n".join(
+        [
+            "",
+            f"Everything is in {result['out']} ({result['seconds']:.0f} s). Open this first:",
+            f"  {result['index']}",
+            "",
+            "Try next:",
+            f"  jenga replay {result['episode']} --model {result['checkpoints']['dynamics']}",
+            "  jenga collect selection --episodes 200 --seed 1 --workers 2 --out runs/selection",
+            f"  jenga train selection --dataset {result['datasets']['selection']} --preset paper --out runs/paper",
+        ]
+    )
+
+
+def _say(step: int, what: str) -> None:
+    sys.stderr.write(f"[{step}/6] {what}\n")
+    sys.stderr.flush()
+
+
+def _with(preset: Any, settings: dict[str, Any]) -> Any:
+    from dataclasses import replace
+
+    return replace(preset, **settings)
+
+
+def _pick(folder: Path) -> Path:
+    """The rollout with the most frames: the one with the most to see."""
+    return max(sorted(folder.glob("*.mcap")), key=lambda path: len(read_episode(path).action_frame))
+
+
+def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Path) -> dict[str, Path]:
+    """Draw what needs neither OpenGL nor Vulkan, and write the recording for rerun."""
+    folder.mkdir(parents=True)
+    episode = read_episode(shown)
+    prediction = overlay(simulator, shown)
+    write_rrd(episode, [prediction], replay)
+    pictures = {name: folder / f"{name}.png" for name in ("towers", "film", "curves", "selection")}
+
+    pulls = sorted((read_episode(path) for path in (logs / "selection").glob("*.mcap")), key=lambda e: e.header.round)
+    picked = pulls[:: max(1, len(pulls) // 5)][:5]
+    tower_grid(
+        [e.tower_state(0) for e in picked],
+        [f"round {e.header.round}" for e in picked],
+        pictures["towers"],
+        targets=[e.header.target for e in picked],
+    )
+    film_strip(episode, _moments(len(episode.time_ns)), pictures["film"])
+    film_strip(pulls[-1], _moments(len(pulls[-1].time_ns)), pictures["selection"])
+    episode_curves(episode, [prediction], pictures["curves"])
+    return pictures
+
+
+def _moments(frames: int, count: int = 6) -> list[int]:
+    return [round(i * (frames - 1) / (count - 1)) for i in range(count)]

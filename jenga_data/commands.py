@@ -1,0 +1,161 @@
+"""The verbs that make and look after data: collect, convert, dataset, log. Heavy imports stay inside."""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import msgspec
+import tyro
+
+from jenga_data.command_line import Inline, Json, Shown, Verb
+from jenga_data.errors import JengaError
+
+if TYPE_CHECKING:
+    from jenga_data.log.report import LogReport
+
+
+def collect() -> dict[str, Verb]:
+    from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig
+
+    def run(
+        config: CollectConfig, episodes: int, out: Path, seed: int, workers: int, rounds: str | None, json: bool
+    ) -> Shown:
+        from jenga_data.collect.workers import collect as start
+
+        if rounds is not None:
+            config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        summary = start(config, seed, episodes, workers, out)
+        outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
+        text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
+        return Shown(json, asdict(summary), text)
+
+    def selection(
+        episodes: int,
+        out: Path,
+        config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        workers: int = 2,
+        rounds: str | None = None,
+        json: Json = False,
+    ) -> Shown:
+        """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
+
+        Args:
+            episodes: rollouts in all, those that OUT holds already included.
+            out: folder of the logs; the same command goes on where it was interrupted.
+            seed: below 900000.
+            workers: processes that simulate; their number changes nothing but the time.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+        """
+        return run(config, episodes, out, seed, workers, rounds, json)
+
+    def extraction(
+        episodes: int,
+        out: Path,
+        config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        workers: int = 2,
+        rounds: str | None = None,
+        json: Json = False,
+    ) -> Shown:
+        """Pull random legal blocks with a gripper over 51 actions: data for the dynamics model.
+
+        Args:
+            episodes: rollouts in all, those that OUT holds already included.
+            out: folder of the logs; the same command goes on where it was interrupted.
+            seed: below 900000.
+            workers: processes that simulate; their number changes nothing but the time.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+        """
+        return run(config, episodes, out, seed, workers, rounds, json)
+
+    return {"selection": selection, "extraction": extraction}
+
+
+def _rounds(text: str) -> dict[str, int]:
+    first, _, last = text.partition("-")
+    if not (first.isdigit() and (last or first).isdigit()):
+        raise JengaError(f"--rounds is {text!r}; allowed: one round or a range, such as 7 or 1-15")
+    return {"first_round": int(first), "last_round": int(last or first)}
+
+
+def convert(
+    logs: tyro.conf.Positional[tuple[Path, ...]], name: str, version: str, out: Path, json: Json = False
+) -> Shown:
+    """Make a Parquet graph dataset with a manifest from folders of logs.
+
+    Args:
+        logs: folders (or files) of MCAP logs, all selection or all extraction.
+        name: of the dataset.
+        version: X.Y.Z, semantic versioning.
+        out: new folder of the dataset.
+    """
+    from jenga_data.dataset.convert import convert as run
+
+    manifest = run(logs, out, name, version)
+    data = {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
+    counts = msgspec.to_builtins(manifest.counts)
+    text = "\n".join([f"{manifest.identifier} in {out}", *(f"  {key}: {value}" for key, value in counts.items())])
+    return Shown(json, data | {"counts": counts}, text)
+
+
+def dataset() -> dict[str, Verb]:
+    def list_(json: Json = False) -> Shown:
+        """Name the datasets at hand: in datasets_manifest/ of the checkout and here, and along $JENGA_DATASETS."""
+        from jenga_data.dataset.locate import known_datasets, search_folders
+
+        known = {name: str(folder) for name, folder in known_datasets().items()}
+        none = f"no datasets in {', '.join(map(str, search_folders()))}; make one with jenga collect and jenga convert"
+        return Shown(json, known, "\n".join(f"{name}  {folder}" for name, folder in known.items()) or none)
+
+    def info(name: tyro.conf.Positional[str], json: Json = False) -> Shown:
+        """Say what a dataset holds: its manifest."""
+        from jenga_data.dataset.read import open_dataset
+
+        plain = msgspec.to_builtins(open_dataset(name).manifest)
+        return Shown(json, plain, msgspec.json.format(msgspec.json.encode(plain), indent=2).decode())
+
+    def verify(name: tyro.conf.Positional[str], json: Json = False) -> Shown:
+        """Check every byte and every promise of a dataset."""
+        from jenga_data.dataset.verify import verify as run
+
+        report = run(name)
+        lines = [f"{'ok    ' if c.ok else 'FAILED'} {name}: {c.detail}" for name, c in report.checks.items()]
+        return Shown(json, report.as_dict(), "\n".join(lines), report.ok)
+
+    return {"list": list_, "info": info, "verify": verify}
+
+
+def log() -> dict[str, Verb]:
+    def show(report: "LogReport", json: bool) -> Shown:
+        data = asdict(report)
+        text = "\n".join(f"{key}: {value}" for key, value in data.items() if value not in ("", [], {}))
+        return Shown(json, data, text, report.ok)
+
+    def info(file: tyro.conf.Positional[Path], json: Json = False) -> Shown:
+        """Say what a log holds."""
+        from jenga_data.log.report import inspect
+
+        return show(inspect(file), json)
+
+    def doctor(file: tyro.conf.Positional[Path], json: Json = False) -> Shown:
+        """Check a log against the profile; exit code 1 if something is lost or wrong."""
+        from jenga_data.log.report import doctor as run
+
+        return show(run(file), json)
+
+    def recover(file: tyro.conf.Positional[Path], out: Path | None = None, json: Json = False) -> Shown:
+        """Save what can be read of an unfinished or damaged log into a whole one.
+
+        Args:
+            file: the log.
+            out: the new log; by default beside it.
+        """
+        from jenga_data.log.recover import recover as run
+        from jenga_data.log.recover import recovered_path
+
+        report = run(file, out or recovered_path(file))
+        data = asdict(report)
+        return Shown(json, data, "\n".join(f"{key}: {value}" for key, value in data.items()), not report.lost)
+
+    return {"info": info, "doctor": doctor, "recover": recover}
