@@ -93,16 +93,39 @@ def test_drawing_into_axes_shows_the_picture(episode: Episode) -> None:
     assert image.shape[0] == 100
 
 
-def test_a_lost_block_lies_on_the_table_and_casts_a_shadow(tmp_path: Path) -> None:
+@pytest.mark.parametrize("x", [0.0, -0.22])
+def test_a_block_in_the_air_casts_a_shadow_on_what_is_below(tmp_path: Path, x: float) -> None:
+    """On the turntable in the middle, on the paper beside it: darker than without the block, but no other colour."""
     size = np.array([[0.075, 0.025, 0.015]])
-    pose = np.array([[0.0, 0.0, 0.0075, 1.0, 0.0, 0.0, 0.0]])
-    camera = tower_camera([Boxes(pose, size, np.zeros((1, 3)))])
-    flying = pose + np.array([0, 0, 0.05, 0, 0, 0, 0])
-    low, high = (render_tower(tmp_path / "t.png", p, size, camera=camera, height=240) for p in (pose, flying))
-    table = np.array(palette.TABLE)
-    darker = [((image < table * 0.9).all(axis=-1) & like(image, palette.TABLE, 0.02)).sum() for image in (low, high)]
-    assert darker[1] > 100
-    assert not np.array_equal(low, high)
+    flying = np.array([[x, 0.0, 0.08, 1.0, 0.0, 0.0, 0.0]])
+    camera = tower_camera([Boxes(flying + np.array([0, 0, -0.08, 0, 0, 0, 0]), size, np.zeros((1, 3)))])
+    away = flying + np.array([0, 9.0, 0, 0, 0, 0, 0])
+    under, empty = (render_tower(tmp_path / "t.png", p, size, camera=camera, height=240) for p in (flying, away))
+    grey = under.max(axis=-1) - under.min(axis=-1) < 0.06
+    assert ((under < 0.9 * empty).all(axis=-1) & grey).sum() > 200
+
+
+def test_a_block_shades_the_one_below_it(tmp_path: Path) -> None:
+    size = np.array([[0.075, 0.075, 0.015], [0.03, 0.03, 0.015]])
+    pose = np.array([[0.0, 0.0, 0.0075, 1, 0, 0, 0], [0.0, 0.0, 0.06, 1, 0, 0, 0]])
+    camera = tower_camera([Boxes(pose, size, np.zeros((2, 3)))], elevation=0.6)
+    colours = np.array([[0.9, 0.7, 0.5], [0.6, 0.6, 0.6]])  # of the two, only the lower one is brown
+    both = render_tower(tmp_path / "t.png", pose, size, colours=colours, camera=camera, height=240)
+    alone = render_tower(tmp_path / "t.png", pose[:1], size[:1], colours=colours[:1], camera=camera, height=240)
+    wooden = (both[..., 0] - both[..., 2]) > 0.08
+    assert ((both < 0.85 * alone).all(axis=-1) & wooden).sum() > 50
+
+
+def test_neighbours_of_one_colour_are_told_apart_by_a_drawn_edge(tmp_path: Path) -> None:
+    size = np.full((2, 3), 0.05)
+    pose = np.array([[0.0, -0.025, 0.025, 1, 0, 0, 0], [0.0, 0.025, 0.025, 1, 0, 0, 0]])
+    camera = tower_camera([Boxes(pose, size, np.zeros((2, 3)))], azimuth=np.pi, elevation=0.1)
+    grey = np.full((2, 3), 0.8)
+    image = render_tower(tmp_path / "t.png", pose, size, colours=grey, camera=camera, height=240)
+    blocks = np.argwhere((image < 0.75).all(axis=-1) & (image > 0.45).all(axis=-1))
+    middle_row, middle = blocks.mean(axis=0).astype(int)
+    row = image[middle_row, middle - 15 : middle + 15, 0]
+    assert row.min() < 0.8 * np.median(row)
 
 
 def test_a_film_strip_names_the_phase_and_the_time_of_each_moment(
