@@ -1,8 +1,6 @@
 """Lightning's trainer, set up to be quiet, to leave no litter and to take up where it was."""
 
 import logging
-import signal
-import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -70,11 +68,9 @@ def _save_every_epoch(folder: RunFolder) -> ModelCheckpoint:
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Silence Lightning's log lines and warnings, and give back the handler of Ctrl-C that it takes away."""
+    """Silence Lightning's log lines and warnings for a while."""
     loggers = [logging.getLogger(name) for name in ("lightning.pytorch", "lightning.fabric")]
     levels = [logger.level for logger in loggers]
-    in_main = threading.current_thread() is threading.main_thread()
-    handler = signal.getsignal(signal.SIGINT) if in_main else None
     try:
         for logger in loggers:
             logger.setLevel(logging.ERROR)
@@ -84,5 +80,3 @@ def _quiet() -> Iterator[None]:
     finally:
         for logger, level in zip(loggers, levels, strict=True):
             logger.setLevel(level)
-        if in_main:
-            signal.signal(signal.SIGINT, handler)

@@ -39,6 +39,7 @@ def test_a_checkpoint_comes_back_as_it_was(selector_path: Path, selection_data: 
         first.dataset,
     )
     assert again.hash == first.hash
+    assert not again.model.training
     graphs = GraphStore.of(first.spec, Towers.of_dataset(selection_data)).batch(first.featurizer, torch.arange(9))
     assert torch.equal(first.model(graphs), again.model(graphs))
 

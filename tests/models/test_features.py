@@ -96,6 +96,16 @@ def test_edge_attributes_do_not_change_when_the_tower_is_moved(rng: np.random.Ge
     torch.testing.assert_close(here, there, atol=1e-6, rtol=0)
 
 
+def test_edge_attributes_do_not_see_the_sign_of_a_quaternion(rng: np.random.Generator):
+    towers = Towers.of_state(small_tower(rng), np.array([0]))
+    flipped = towers.block_pose.copy()
+    flipped[:, ::2, 3:] *= -1
+    ends = torch.from_numpy(towers.upper), torch.from_numpy(towers.lower)
+    poses = (towers, replace(towers, block_pose=flipped))
+    here, there = (edge_attributes(WITH_SIZES, raw_nodes(WITH_SIZES, t), *ends) for t in poses)
+    torch.testing.assert_close(here, there)
+
+
 def test_edge_attributes_hold_the_gap_between_blocks(rng: np.random.Generator):
     state = small_tower(rng)
     towers = Towers.of_state(state, np.array([0]))

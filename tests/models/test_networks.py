@@ -12,6 +12,7 @@ from jenga_data.graph_spec import GRAPHS, graph_spec
 from jenga_models.columns import Towers
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS, Training
 from jenga_models.features import Featurizer
+from jenga_models.gns import Trunk, Widths
 from jenga_models.graphs import Graphs
 from jenga_models.layers import LightInteraction, MemoryInteraction, SplitLinear
 from jenga_models.registry import SELECTORS, build
@@ -135,6 +136,20 @@ def test_the_light_layer_equals_a_message_mlp_that_is_summed_after_its_last_line
     with torch.no_grad():
         wide.weight[:, 8:] = of_sum @ last.weight
     torch.testing.assert_close(layer(node, edge, graphs)[0], naive, atol=1e-5, rtol=1e-5)
+
+
+@pytest.mark.parametrize("shared", [False, True])
+@pytest.mark.parametrize("memory", [False, True])
+def test_a_layer_carries_news_one_edge_further(memory: bool, shared: bool):
+    trunk = Trunk(Widths(2, 1, 0), width=8, layers=3, hidden_layers=1, edge_memory=memory, shared=shared)
+    chain = torch.stack([torch.arange(5), torch.arange(1, 6)])
+    graphs = Graphs(
+        torch.randn(6, 2), chain, torch.ones(5, 1), torch.tensor([0]), graph=torch.zeros(6, dtype=torch.long)
+    )
+    news = torch.zeros(6, 2)
+    news[0] = 1
+    changed = (trunk(replace(graphs, node=graphs.node + news)) - trunk(graphs)).abs().sum(1) > 0
+    assert changed.tolist() == [True, True, True, True, False, False]
 
 
 def test_the_action_reaches_every_node(dynamics_data: FakeDataset):

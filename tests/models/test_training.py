@@ -68,7 +68,10 @@ def test_resumed_training_equals_one_that_was_never_interrupted(
     with interrupted(monkeypatch, interrupted_in), pytest.raises(KeyboardInterrupt):
         train_selection(selection_data, SELECTION, tmp_path / "resumed")
     assert signal.getsignal(signal.SIGINT) is handler
+    epochs: list[int] = []
+    monkeypatch.setattr(SelectionModule, "on_train_epoch_start", lambda self: epochs.append(self.current_epoch))
     resumed = train_selection(selection_data, SELECTION, tmp_path / "resumed", resume=True)
+    assert epochs == list(range(interrupted_in, SELECTION.epochs))
     assert resumed.hash == whole.hash
     assert (resumed.path / "metrics.csv").read_text() == (whole.path / "metrics.csv").read_text()
 
@@ -95,6 +98,28 @@ def test_the_epoch_kept_is_the_one_with_the_lowest_validation_loss(selection_dat
         logged = [float(row["validation_loss"]) for row in csv.DictReader(file)]
     assert loss == pytest.approx(min(logged), rel=1e-4)
     assert result.metrics["validation_loss"] == min(logged)
+
+
+def test_validation_towers_are_trained_on_where_the_config_says_so(selection_data: FakeDataset, tmp_path: Path):
+    both, one = (
+        train_selection(
+            selection_data, replace(STOPPING, epochs=1, patience=0, train_on_validation=both), tmp_path / str(both)
+        )
+        for both in (True, False)
+    )
+    train, validation = (len(selection_data.rows(split)) for split in ("train", "validation"))
+    assert (both.metrics["training_rows"], one.metrics["training_rows"]) == (train + validation, train)
+    assert "validation_loss" in one.metrics
+    assert "validation_loss" not in both.metrics
+
+
+def test_weight_decay_is_decoupled_and_none_is_adam():
+    plain, decayed = (
+        SelectionModule(torch.nn.Linear(1, 1), replace(SELECTION, weight_decay=w, schedule="constant"))
+        for w in (0.0, 0.1)
+    )
+    assert type(plain.configure_optimizers()) is torch.optim.Adam
+    assert type(decayed.configure_optimizers()) is torch.optim.AdamW
 
 
 def test_dynamics_training_repeats_itself_and_differs_by_seed(dynamics_data: FakeDataset, tmp_path: Path):
