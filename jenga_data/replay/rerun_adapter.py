@@ -82,16 +82,16 @@ def screenshot(recording: Path, out: Path, time: float, window: tuple[int, int] 
         raise JengaError(f"{recording} does not exist; jenga replay EPISODE.mcap --save OUT.rrd writes a recording")
     with headless_viewer(recording, window) as url:
         viewer = ViewerClient.connect(url)
-        deadline = clock.monotonic() + _PATIENCE
+        started = clock.monotonic()
         while (state := viewer.get_state()).loading or not any(r.timelines for r in state.recordings):
-            if clock.monotonic() > deadline:
+            if clock.monotonic() > started + (_PATIENCE if state.loading else _PATIENCE / 6):
                 raise JengaError(f"rerun found nothing to show in {recording}; it opens .rrd and .mcap files")
             clock.sleep(0.1)
         _set_time(viewer, {t.name: t for r in state.recordings for t in r.timelines}, time)
         viewer.run_command("ui.toggle_top_panel")  # it names the graphics driver
         started, before, picture = clock.monotonic(), None, b""
         while picture != before or clock.monotonic() < started + _NOTES:  # the graph takes a while to settle
-            if clock.monotonic() > deadline:
+            if clock.monotonic() > started + _PATIENCE:
                 break
             clock.sleep(0.3)
             before, picture = picture, viewer.take_screenshot()
