@@ -1,6 +1,7 @@
 """An episode as curves over time: what was commanded, felt, moved and predicted."""
 
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
@@ -68,9 +69,9 @@ def episode_curves(episode: Episode, predictions: Sequence[Prediction], path: Pa
 def _phases(grid: Sequence[Axes], episode: Episode) -> None:
     """Bands behind all panels, every second one shaded, named above the first panel in as many rows as it takes."""
     end = float(seconds(episode)[-1])
-    starts = [float(seconds_of(episode, np.array(phase.time_ns))) for phase in episode.phases]
+    starts = seconds_of(episode, np.array([phase.time_ns for phase in episode.phases], np.int64)).tolist()
     taken: list[float] = []  # where the last name of each row ends [s]
-    for number, (start, stop) in enumerate(zip(starts, [*starts[1:], end], strict=True)):
+    for number, (start, stop) in enumerate(pairwise([*starts, end])):
         if number % 2 == 0:
             for axes in grid:
                 axes.axvspan(start, stop, color=_BAND, zorder=0, linewidth=0)

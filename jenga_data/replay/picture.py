@@ -84,8 +84,8 @@ def gripper_boxes(episode: Episode, frame: int) -> list[Boxes]:
     track = episode.gripper
     if not len(track.time_ns):
         return []
-    sample = samples_at_frames(episode)[frame]
-    return [Boxes(hand.hand_poses(track.pose[sample], track.width[sample]), hand.SIZE, hand.COLOUR)]
+    sample = samples_at_frames(episode)[[frame]]
+    return [Boxes(hand.hand_poses(track.pose[sample], track.width[sample])[0], hand.SIZE, hand.COLOUR)]
 
 
 def film_strip(episode: Episode, frames: Sequence[int], path: Path, height: int = 560) -> None:

@@ -182,6 +182,14 @@ def test_curves_have_a_labelled_panel_for_all_that_there_is(
     assert np.max(farthest.get_ydata()) == pytest.approx(1e3 * episode.result.verdict.moved)
 
 
+def test_a_log_that_ends_early_has_its_curves_and_its_film_too(episode: Episode, tmp_path: Path) -> None:
+    cut = type(episode)(**{**vars(episode), "phases": [], "result": None})
+    episode_curves(cut, [], tmp_path / "curves.png")
+    film_strip(cut, [3], tmp_path / "film.png", height=100)
+    assert (tmp_path / "curves.png").stat().st_size > 10_000
+    assert (tmp_path / "film.png").stat().st_size > 1_000
+
+
 def test_the_same_curves_give_the_same_bytes(episode: Episode, tmp_path: Path) -> None:
     for name in ("a.png", "b.png"):
         episode_curves(episode, [], tmp_path / name)

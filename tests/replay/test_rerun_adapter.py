@@ -146,6 +146,8 @@ def test_two_thousand_frames_take_less_than_five_seconds(tmp_path: Path) -> None
             **vars(episode),
             "time_ns": np.arange(2000) * 32_000_000,
             "pose": episode.pose[many],
+            "twist": episode.twist[many],
+            "sim_state": episode.sim_state[many],
             "contacts": [episode.contacts[k] for k in many],
         }
     )
