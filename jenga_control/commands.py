@@ -12,9 +12,9 @@ def demo(
     out: Path | None = None,
     workers: int = 2,
     seed: int = 0,
-    selection_episodes: int = 20,
-    extraction_episodes: int = 10,
-    towers: int = 3,
+    selection_episodes: int = 14,
+    extraction_episodes: int = 8,
+    towers: int = 2,
     epochs: int | None = None,
     json: Json = False,
 ) -> Shown:

@@ -30,11 +30,11 @@ from jenga_models.train import train_dynamics, train_selection
 class DemoSize:
     """How much the demo does: minutes on two cores, and far too little to learn much from."""
 
-    selection_episodes: int = 20
+    selection_episodes: int = 14
     """Rollouts that pull with a servo, one a tower."""
-    extraction_episodes: int = 10
+    extraction_episodes: int = 8
     """Rollouts of the gripper, up to 51 transitions each."""
-    towers: int = 3
+    towers: int = 2
     """Held-out towers on which each controller pulls."""
     epochs: int | None = None
     """Of both trainings; by default those of the preset "fast"."""

@@ -86,11 +86,17 @@ def run_extraction(
             if (i + 1) % config.physics.steps_a_touch == 0:
                 recording.gripper(gripper.sample(recording.time_ns(), world.contacts()))
 
+        def hold(i: int) -> None:
+            if i == 0:
+                gripper.begin(np.zeros(3))
+            substep(i)
+
         def move(displacement: Float[np.ndarray, "3"], frames: int) -> None:
             for _ in range(frames):
                 gripper.begin(displacement / frames)
                 recording.advance(substep, steps)
 
+        world.allow_sleep(True)  # nothing touches the tower yet; the fingers will wake it
         recording.phase("approach")
         move(np.array([_APPROACH, 0.0, 0.0]), _APPROACH_FRAMES)
         move(np.zeros(3), 1)
@@ -98,13 +104,12 @@ def run_extraction(
         gripper.close()
         move(np.zeros(3), _GRASP_FRAMES)
         cause = "" if _holds(recording, gripper) else "grasp_missed"
+        world.allow_sleep(False)
         if not cause:
             recording.phase("pull")
             cause = _pull(recording, gripper, puller, substep, steps, past_clear=policy is None)
         recording.phase("observe")
-        gripper.begin(np.zeros(3))
-        recording.advance(substep, steps)
-        observe(recording, config.physics, substep)
+        observe(recording, config.physics, hold)
         return recording.finish(cause)
 
 

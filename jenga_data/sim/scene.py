@@ -14,6 +14,8 @@ TABLE_TOP = 0.0
 _WOOD = ((0.87, 0.72, 0.53, 1.0), (0.80, 0.62, 0.42, 1.0))
 _TARGET = (0.84, 0.37, 0.0, 1.0)
 _STEEL = (0.35, 0.37, 0.40, 1.0)
+_FINGER_DAMPING = 100.0
+"""Of a finger's slide [N s/m]: it closes at 0.15 m/s, slow enough not to hit the block."""
 
 
 def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
@@ -110,7 +112,8 @@ def add_gripper(
         finger = hand.add_body(name=f"{name}_finger", pos=[0, side * (gripper.opening / 2 + pad[1]), 0], gravcomp=1)
         finger.add_joint(
             name=f"{name}_finger", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0], range=[0, gripper.opening / 2],
-            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=5.0,
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=_FINGER_DAMPING,
+            solimp_limit=[0.99, 0.999, 0.001, 0.5, 2.0],
         )  # fmt: skip
         finger.add_geom(
             name=f"{name}_pad", type=mujoco.mjtGeom.mjGEOM_BOX, size=pad, mass=0.02, rgba=[0.1, 0.1, 0.1, 1],
