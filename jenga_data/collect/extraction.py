@@ -101,8 +101,9 @@ def run_extraction(
         move(np.array([_APPROACH, 0.0, 0.0]), _APPROACH_FRAMES)
         move(np.zeros(3), 1)
         recording.phase("grasp")
-        gripper.close()
-        move(np.zeros(3), _GRASP_FRAMES)
+        for frame in range(_GRASP_FRAMES):
+            gripper.close((frame + 1) / _GRASP_FRAMES)
+            move(np.zeros(3), 1)
         cause = "" if _holds(recording, gripper) else "grasp_missed"
         world.allow_sleep(False)
         if not cause:

@@ -9,17 +9,19 @@ from xml.etree import ElementTree
 import numpy as np
 from jaxtyping import Float
 
+from jenga_data import palette
+
 WORLD = "world"
 HAND, LEFT_FINGER, RIGHT_FINGER = "hand", "left_finger", "right_finger"
 
 Color = tuple[float, float, float, float]
 
-_TARGET: Color = (0.84, 0.37, 0.0, 1.0)
-_TABLE: Color = (0.55, 0.57, 0.60, 1.0)
-_STEEL: Color = (0.35, 0.37, 0.40, 1.0)
-_RUBBER: Color = (0.10, 0.10, 0.10, 1.0)
-_GHOST: Color = (0.0, 0.45, 0.70, 0.35)
-_GHOST_TARGET: Color = (0.80, 0.47, 0.65, 0.45)
+_TARGET: Color = (*palette.TARGET, 1.0)
+_TABLE: Color = (*palette.TABLE, 1.0)
+_STEEL: Color = (*palette.STEEL, 1.0)
+_RUBBER: Color = (*palette.RUBBER, 1.0)
+_GHOST: Color = (*palette.PURPLE, 0.35)
+_GHOST_TARGET: Color = (*palette.SKY_BLUE, 0.45)
 
 TABLE_SIZE = (0.44, 0.44, 0.02)
 TABLE_CENTRE = (0.0, 0.0, -0.02)

@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from jenga_data.episode import Episode, Prediction
+from jenga_data.palette import AXES, BLUE, MUTED_INK, VERMILLION, model_colour
 from jenga_data.replay import style
 from jenga_data.replay.measures import (
     MM,
@@ -24,7 +25,6 @@ from jenga_data.replay.measures import (
     seconds_of,
     standing_still_error,
 )
-from jenga_data.replay.palette import AXES, BLUE, MUTED_INK, VERMILLION, model_colour
 
 _SMALLEST_ERROR_MM = 1e-3
 """A logarithmic axis has no zero: an error below a micrometre is drawn at one."""

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data.geometry import rotation_matrices
-from jenga_data.replay.palette import RUBBER, STEEL
+from jenga_data.palette import RUBBER, STEEL
 
 _PAD = (0.016, 0.008, 0.011)
 _LINK = (0.045, 0.008, 0.012)

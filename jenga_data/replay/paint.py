@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from scipy.ndimage import gaussian_filter, map_coordinates
 
 from jenga_data.geometry import rotation_matrices
-from jenga_data.replay.palette import PAPER, TABLE
+from jenga_data.palette import PAPER, TABLE
 from jenga_data.replay.raster import FACE_NORMALS, NOTHING, Camera, box_corners, box_faces, rasterise
 
 SAMPLES = 2

@@ -12,10 +12,10 @@ from PIL import Image
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.geometry import rotation_matrices
+from jenga_data.palette import TARGET, block_colours, wood
 from jenga_data.replay import hand, style
 from jenga_data.replay.measures import phase_name, samples_at_frames, seconds
 from jenga_data.replay.paint import TURNTABLE_RADIUS, Boxes, paint
-from jenga_data.replay.palette import TARGET, block_colours, wood
 from jenga_data.replay.raster import Camera
 from jenga_data.tower import TowerState
 

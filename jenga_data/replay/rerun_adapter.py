@@ -15,9 +15,10 @@ import rerun.blueprint as rrb
 from jaxtyping import Float
 from rerun.experimental import Timeline, ViewerClient
 
+from jenga_data import palette
 from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
-from jenga_data.replay import hand, palette
+from jenga_data.replay import hand
 from jenga_data.replay.contact_points import contact_points, graph_nodes
 from jenga_data.replay.measures import (
     error_scale,

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jenga_data.episode import Episode, Prediction
+from jenga_data.palette import GREEN, SKY_BLUE, VERMILLION, model_colour
 from jenga_data.replay.measures import (
     MM,
     displacement,
@@ -16,7 +17,6 @@ from jenga_data.replay.measures import (
     position_error,
     root_mean_square,
 )
-from jenga_data.replay.palette import GREEN, SKY_BLUE, VERMILLION, model_colour
 
 _XYZ = (VERMILLION, GREEN, SKY_BLUE)
 """Lighter than `palette.AXES`: these stand on black as well."""

@@ -10,7 +10,7 @@ from cycler import cycler
 from matplotlib.figure import Figure
 
 from jenga_data.errors import JengaError
-from jenga_data.replay.palette import BLUE, GREEN, INK, MUTED_INK, ORANGE, PAPER, PURPLE, SKY_BLUE, VERMILLION
+from jenga_data.palette import BLUE, GREEN, INK, MUTED_INK, ORANGE, PAPER, PURPLE, SKY_BLUE, VERMILLION
 
 DPI = 160
 """Pixels an inch of every saved figure."""

@@ -1,11 +1,15 @@
 """An episode in words, as Markdown: how it ended and why, what it was, and where it came from."""
 
+import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from jenga_data.episode import Episode, Prediction
 from jenga_data.replay.measures import MM, error_scale, has_chances, metres_per_newton, model_labels, seconds
+
+_SHORT = 12
+"""So many digits of a hash tell it from all others, and fit a narrow panel."""
 
 
 def outcome_words(episode: Episode) -> str:
@@ -38,9 +42,9 @@ def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
     facts += _chances(header.target, predictions)
     provenance = [("key", header.key), ("tower", header.blocks.tower)]
     if header.checkpoint:
-        provenance.append(("acting model", header.checkpoint))
-    provenance += [(f"model {p.name}, {p.kind.replace('_', ' ')}", p.checkpoint) for p in predictions]
-    provenance += sorted(header.provenance.items())
+        provenance.append(("acting model", header.checkpoint[:_SHORT]))
+    provenance += [(f"model {p.name}, {p.kind.replace('_', ' ')}", p.checkpoint[:_SHORT]) for p in predictions]
+    provenance += [(name.replace("_", " "), _shortened(value)) for name, value in sorted(header.provenance.items())]
     parts = [("Colours", _colours(episode, predictions)), ("Provenance", provenance)]
     lines = [f"# {outcome_words(episode)}", "", *_list(facts)]
     for title, rows in parts:
@@ -72,3 +76,8 @@ def _chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[s
 
 def _list(rows: Sequence[tuple[str, str]]) -> Iterable[str]:
     return [f"- **{name}** {value}" for name, value in rows]
+
+
+def _shortened(value: str) -> str:
+    """A commit or another hash cut short, with what stands behind it; anything else as it is."""
+    return re.sub(r"[0-9a-f]{32,}", lambda found: found.group()[:_SHORT], value)

@@ -12,6 +12,10 @@ PERIOD = CONTROL_STEP_NS * 1e-9
 """One control period [s]."""
 
 
+_OPENING_FORCE = 1.0
+"""Of each finger when the hand opens [N]."""
+
+
 class Gripper:
     """The hand of a `World` whose scene has one. It points along +x; its frame has the world's axes, its left finger
     at +y. Positions are those of the point between the fingertips."""
@@ -41,13 +45,14 @@ class Gripper:
         """Distance between the fingertips [m]."""
         return float(self._opening - self._world.data.qpos[self._finger_joints].sum())
 
-    def close(self) -> None:
-        """Press the fingers together with the grip force from now on."""
-        self._world.data.ctrl[self._fingers] = self._grip_force
+    def close(self, part: float = 1.0) -> None:
+        """Press the fingers together with a part of the grip force (0 to 1) from now on; raise it slowly so as not to
+        hit the block."""
+        self._world.data.ctrl[self._fingers] = part * self._grip_force
 
     def release(self) -> None:
-        """Drive the fingers apart."""
-        self._world.data.ctrl[self._fingers] = -self._grip_force
+        """Drive the fingers apart, gently."""
+        self._world.data.ctrl[self._fingers] = -_OPENING_FORCE
 
     def begin(self, displacement: Float[np.ndarray, "3"]) -> None:
         """Start a control period at whose end the set point is to be `displacement` [m] further on."""

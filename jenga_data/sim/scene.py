@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 from jaxtyping import Float
 
+from jenga_data import palette
 from jenga_data.blocks import Blocks
 from jenga_data.sim.physics import GripperConfig, PhysicsConfig
 
@@ -11,11 +12,9 @@ TURNTABLE_RADIUS = 0.12
 TABLE_TOP = 0.0
 """The tower's bottom stands at z = 0."""
 
-_WOOD = ((0.87, 0.72, 0.53, 1.0), (0.80, 0.62, 0.42, 1.0))
-_TARGET = (0.84, 0.37, 0.0, 1.0)
-_STEEL = (0.35, 0.37, 0.40, 1.0)
-_FINGER_DAMPING = 100.0
-"""Of a finger's slide [N s/m]: it closes at 0.15 m/s, slow enough not to hit the block."""
+_STEEL = (*palette.STEEL, 1.0)
+_PAD_IMPEDANCE = 0.999
+"""Of a fingertip's contact: stiffer than wood on wood, so that what is held does not creep out of the hand."""
 
 
 def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
@@ -37,7 +36,7 @@ def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
     spec.worldbody.add_light(pos=[-0.5, -0.5, 1.5], dir=[0.3, 0.3, -1.0])
     spec.worldbody.add_geom(
         name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.6, 0.02], pos=[0, 0, TABLE_TOP - 0.03],
-        rgba=[0.55, 0.57, 0.60, 1.0], **wood_contact(physics),
+        rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
     )  # fmt: skip
     spec.worldbody.add_geom(
         name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, 0.005, 0],
@@ -59,14 +58,15 @@ def wood_contact(physics: PhysicsConfig) -> dict[str, object]:
 def add_tower(
     spec: mujoco.MjSpec, blocks: Blocks, pose: Float[np.ndarray, "block 7"], target: int, physics: PhysicsConfig
 ) -> None:
-    """Add every block as a free body `block_N` with one box geom of the same name."""
+    """Add every block as a free body `block_N` with one box geom of the same name; -1 is no target."""
+    colours = palette.block_colours(np.arange(len(blocks)), target if target >= 0 else None)
     for i in range(len(blocks)):
         body = spec.worldbody.add_body(name=f"block_{i}", pos=pose[i, :3], quat=pose[i, 3:])
         body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
         body.add_freejoint(name=f"block_{i}")
         body.add_geom(
             name=f"block_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=blocks.size[i] / 2, mass=blocks.mass[i],
-            rgba=_TARGET if i == target else _WOOD[i % 2], **wood_contact(physics),
+            rgba=[*colours[i], 1.0], **wood_contact(physics),
         )  # fmt: skip
 
 
@@ -108,16 +108,20 @@ def add_gripper(
     )  # fmt: skip
     hand.add_site(name="grasp")
     pad = np.array(gripper.pad) / 2
+    pad_contact = wood_contact(physics) | {
+        "friction": [gripper.finger_friction, 0.01, 0.0001],
+        "solimp": [_PAD_IMPEDANCE, _PAD_IMPEDANCE, 0.001, 0.5, 2.0],
+    }
     for name, side in (("left", 1.0), ("right", -1.0)):
         finger = hand.add_body(name=f"{name}_finger", pos=[0, side * (gripper.opening / 2 + pad[1]), 0], gravcomp=1)
         finger.add_joint(
             name=f"{name}_finger", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0], range=[0, gripper.opening / 2],
-            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=_FINGER_DAMPING,
+            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=5.0,
             solimp_limit=[0.99, 0.999, 0.001, 0.5, 2.0],
         )  # fmt: skip
         finger.add_geom(
-            name=f"{name}_pad", type=mujoco.mjtGeom.mjGEOM_BOX, size=pad, mass=0.02, rgba=[0.1, 0.1, 0.1, 1],
-            priority=1, **(wood_contact(physics) | {"friction": [gripper.finger_friction, 0.01, 0.0001]}),
+            name=f"{name}_pad", type=mujoco.mjtGeom.mjGEOM_BOX, size=pad, mass=0.02, rgba=[*palette.RUBBER, 1.0],
+            priority=1, **pad_contact,
         )  # fmt: skip
         finger.add_geom(
             name=f"{name}_link", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.0225, 0.004, 0.006], pos=[-0.03, 0, 0],

@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 from made_up_episode import TARGET, make_episode, make_prediction, random_quaternions
 
+from jenga_data import palette
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, TABLE, Episode
 from jenga_data.geometry import rotation_matrices
-from jenga_data.replay import hand, palette
+from jenga_data.replay import hand
 from jenga_data.replay.contact_points import contact_points, graph_nodes
 from jenga_data.replay.measures import (
     frames_without,

@@ -8,10 +8,10 @@ import pytest
 from made_up_episode import TARGET, nominal_pose
 from matplotlib.figure import Figure
 
+from jenga_data import palette
 from jenga_data.blocks import sample_blocks
 from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
-from jenga_data.replay import palette
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.paint import Boxes
 from jenga_data.replay.picture import film_strip, gripper_boxes, render_tower, tower_camera, tower_grid

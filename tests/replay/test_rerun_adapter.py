@@ -12,9 +12,9 @@ import pytest
 from made_up_episode import TARGET, make_episode, make_prediction
 from rerun.chunk import Chunk, RrdReader
 
+from jenga_data import palette
 from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
-from jenga_data.replay import palette
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.rerun_adapter import FRAME, TIME, screenshot, write_rrd
 from jenga_data.replay.viewer import headless_viewer
