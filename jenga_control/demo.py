@@ -11,6 +11,7 @@ from jenga_control.evaluate_dynamics import evaluate_dynamics
 from jenga_control.evaluate_extraction import evaluate_extraction
 from jenga_control.evaluate_selection import evaluate_selection
 from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables, write_report
+from jenga_data.agreement import edge_agreement
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig
 from jenga_data.collect.workers import collect
 from jenga_data.dataset.convert import convert
@@ -93,6 +94,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
 
     _say(6, "replay: the truth and the model's prediction together, and pictures")
     shown = _pick(logs / "closed-loop" / "full")
+    agreement = edge_agreement(read_episode(path) for path in sorted(logs.glob("*ion/*.mcap")))
     results = DemoResults(
         out=out,
         collected=collected,
@@ -100,6 +102,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
         selection=selection,
         dynamics=dynamics,
         extraction=extraction,
+        agreement=agreement,
         episode=shown,
         replay=out / "replay.rrd",
         pictures=_pictures(out / "pictures", logs, shown, simulator, out / "replay.rrd"),
@@ -115,6 +118,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
         "datasets": {kind: str(folder) for kind, folder in folders.items()},
         "tables": str(tables),
         "replay": str(results.replay),
+        "edge_agreement": agreement.as_dict(),
         "seconds": round(monotonic() - began, 1),
     }
 
