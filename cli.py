@@ -1,5 +1,6 @@
 """`jenga`: finds the verb, prints what it says, and turns what a user can cause into one line and an exit code."""
 
+import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
 
@@ -57,6 +58,8 @@ def run(args: list[str]) -> int:
 
 def main() -> None:
     """The entry point: one line and an exit code for whatever a user can cause."""
+    # Idle threads of torch shall sleep, not spin: on busy cores spinning makes training ten times slower.
+    os.environ.setdefault("OMP_WAIT_POLICY", "PASSIVE")
     try:
         code = run(sys.argv[1:])
     except JengaError as error:

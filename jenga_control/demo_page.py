@@ -105,6 +105,7 @@ def _data(r: DemoResults) -> Section:
         (manifest.identifier, manifest.kind, manifest.counts.rows, len(manifest.files), manifest.hash[:12])
         for manifest in r.manifests.values()
     ]
+    contacts = r.agreement.both + r.agreement.contact_only
     return Section(
         "Towers, rollouts, datasets",
         [
@@ -112,8 +113,8 @@ def _data(r: DemoResults) -> Section:
             Figure(r.pictures["selection"], "Six moments of a servo pull", "A pull of the selection data."),
             Table(("Kind of rollout", "Rollouts", *outcomes), rows, "How the collected rollouts ended."),
             Table(("Dataset", "Kind", "Rows", "Files", "Hash"), sets, "What the converter made of them."),
-            f"A graph's edges come from poses and sizes alone. Before the pull they hold {number(r.agreement.recall)} of "
-            f"the simulator's {r.agreement.both + r.agreement.contact_only:,} contacts between blocks, and "
+            "A graph's edges come from poses and sizes alone. Before the pull they hold "
+            f"{number(r.agreement.recall)} of the simulator's {contacts:,} contacts between blocks, and "
             f"{number(r.agreement.precision)} of the edges touch; the rest belong to loose blocks.",
         ],
     )

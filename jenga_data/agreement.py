@@ -24,7 +24,7 @@ class Agreement:
 
     @property
     def precision(self) -> float:
-        """Share of the edges that touch in the simulator; the rest are loose blocks, a few tenths of a millimetre off."""
+        """Share of the edges that touch in the simulator; the rest belong to loose blocks."""
         return self.both / max(1, self.both + self.edge_only)
 
     def as_dict(self) -> dict[str, float | int]:

@@ -20,7 +20,7 @@ MIN_OVERLAP = 1.0e-3
 
 
 def support_matrix(
-    pose: Float[np.ndarray, "*batch block 7"], size: Float[np.ndarray, "block 3"]
+    pose: Float[np.ndarray, "*batch block 7"], size: Float[np.ndarray, "*#batch block 3"]
 ) -> Bool[np.ndarray, "*batch block block"]:
     """`[..., u, l]` is true where block u lies right above block l, from poses and sizes alone."""
     gap = vertical_gap(pose, size)
