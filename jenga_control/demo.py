@@ -31,9 +31,9 @@ from jenga_models.train import train_dynamics, train_selection
 class DemoSize:
     """How much the demo does: minutes on two cores, and far too little to learn much from."""
 
-    selection_episodes: int = 14
+    selection_episodes: int = 12
     """Rollouts that pull with a servo, one a tower."""
-    extraction_episodes: int = 8
+    extraction_episodes: int = 6
     """Rollouts of the gripper, up to 51 transitions each."""
     towers: int = 2
     """Held-out towers on which each controller pulls."""
