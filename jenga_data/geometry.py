@@ -7,6 +7,9 @@ sampled towers) and the checks (a whole episode) share it.
 import numpy as np
 from jaxtyping import Bool, Float
 
+_NO_SHADOW = 1e-9
+"""An edge that is shorter seen from above [m] stands upright and has no direction."""
+
 
 def rotation_matrices(quat: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, "*batch 3 3"]:
     """Rotation matrices of wxyz quaternions; columns are the body's axes in the world."""
@@ -26,47 +29,26 @@ def half_height(
     return (np.abs(rotation_matrices(pose[..., 3:])[..., 2, :]) * size).sum(-1) / 2
 
 
-def footprint_corners(
-    pose: Float[np.ndarray, "*batch 7"], size: Float[np.ndarray, "*#batch 3"]
-) -> Float[np.ndarray, "*batch 4 2"]:
-    """Corners of the rectangle that a box covers on the table, in order around it.
-
-    The rectangle lies along the horizontal direction of the box's longest horizontal axis and covers the
-    projection of the whole box: exact for a box that lies flat, slightly large for a tilted one.
-    """
-    axes = np.swapaxes(rotation_matrices(pose[..., 3:]), -1, -2)[..., :2]  # (..., body axis, xy)
-    reach = axes * size[..., None] / 2
-    longest = np.argmax(np.linalg.norm(reach, axis=-1), axis=-1)
-    along = np.take_along_axis(reach, longest[..., None, None], axis=-2)[..., 0, :]
-    along = along / np.linalg.norm(along, axis=-1, keepdims=True)
-    across = np.stack([-along[..., 1], along[..., 0]], axis=-1)
-    half_along = np.abs((reach * along[..., None, :]).sum(-1)).sum(-1)[..., None] * along
-    half_across = np.abs((reach * across[..., None, :]).sum(-1)).sum(-1)[..., None] * across
-    centre = pose[..., :2]
-    corners = [half_along + half_across, half_along - half_across]
-    corners += [-corner for corner in corners]
-    return np.stack([centre + corner for corner in corners], axis=-2)
-
-
 def footprint_overlap(
     pose: Float[np.ndarray, "*batch block 7"], size: Float[np.ndarray, "*#batch block 3"]
 ) -> Float[np.ndarray, "*batch block block"]:
     """How deep the footprints of each two boxes overlap [m], negative where they are apart.
 
-    The depth is the smallest overlap of the two rectangles' shadows over their four edge directions
-    (separating axes), so it is symmetric and positive exactly where the rectangles intersect.
+    A footprint is the box's shadow on the table: the sum of the shadows of its three edges, so that it reaches
+    sum_k |edge_k . n| / 2 from its centre in direction n. The depth is the least overlap over the directions across
+    an edge of either (separating axes): symmetric, and positive exactly where the footprints intersect.
     """
-    corners = footprint_corners(pose, size)  # (..., block, 4, 2)
-    edges = np.stack([corners[..., 1, :] - corners[..., 0, :], corners[..., 2, :] - corners[..., 1, :]], axis=-2)
-    axes = edges / np.linalg.norm(edges, axis=-1, keepdims=True)  # (..., block, 2, 2)
-    # Shadow of every box j on every axis of every box i: (..., i, axis, j, corner)
-    shadow = np.einsum("...iad,...jcd->...iajc", axes, corners)
-    low, high = shadow.min(-1), shadow.max(-1)  # (..., i, axis, j)
-    own = np.arange(corners.shape[-3])
-    own_low, own_high = low[..., own, :, own], high[..., own, :, own]  # numpy puts the index axis first
-    own_low, own_high = np.moveaxis(own_low, 0, -2), np.moveaxis(own_high, 0, -2)  # (..., i, axis)
-    overlap = np.minimum(own_high[..., None], high) - np.maximum(own_low[..., None], low)
-    one_way = overlap.min(-2)  # over the two axes of i
+    reach = np.swapaxes(rotation_matrices(pose[..., 3:]), -1, -2)[..., :2] * size[..., None] / 2  # (..., i, edge, xy)
+    length = np.linalg.norm(reach, axis=-1)
+    across = np.stack([-reach[..., 1], reach[..., 0]], axis=-1) / np.maximum(length, _NO_SHADOW)[..., None]
+    *batch, count, _ = length.shape
+    rows = across.reshape(*batch, 3 * count, 2)
+    extent = np.abs(rows @ np.swapaxes(reach.reshape(rows.shape), -1, -2)).reshape(*batch, count, 3, count, 3).sum(-1)
+    centre = (rows @ np.swapaxes(pose[..., :2], -1, -2)).reshape(*batch, count, 3, count)  # (..., i, edge, j)
+    own_extent = np.abs(across @ np.swapaxes(reach, -1, -2)).sum(-1)[..., None]
+    own_centre = across @ pose[..., :2, None]
+    overlap = np.minimum(own_extent + extent - np.abs(own_centre - centre), 2 * np.minimum(own_extent, extent))
+    one_way = np.where(length[..., None] > _NO_SHADOW, overlap, np.inf).min(-2)  # over the edges of i
     return np.minimum(one_way, np.swapaxes(one_way, -1, -2))
 
 

@@ -11,6 +11,7 @@ from jenga_data.blocks import BLOCK_COUNT, Blocks
 EMPTY = -1
 SLOTS = 3
 CENTRE = 1
+_YAW_135 = np.array([np.cos(3 * np.pi / 8), 0.0, 0.0, np.sin(3 * np.pi / 8)])
 
 
 @dataclass(frozen=True)
@@ -156,10 +157,11 @@ class TowerState:
             raise ValueError(f"{len(self.blocks)} blocks, {len(self.pose)} poses, {len(self.twist)} twists")
 
     def turned(self, quarter_turns: int) -> "TowerState":
-        """The tower turned rigidly about the world's z by a multiple of 90 degrees, exactly."""
+        """The tower turned rigidly about the world's z by a multiple of 90 degrees; no sine rounds a position."""
+        turned = turn_poses(self.pose, quarter_turns % 4 * np.pi / 2)
         return replace(
             self,
-            pose=turn_poses(self.pose, quarter_turns * np.pi / 2),
+            pose=np.concatenate([turn_vectors(self.pose[:, :3], quarter_turns), turned[:, 3:]], axis=1),
             twist=np.concatenate(
                 [turn_vectors(self.twist[:, :3], quarter_turns), turn_vectors(self.twist[:, 3:], quarter_turns)],
                 axis=1,
@@ -175,14 +177,17 @@ def turn_vectors(vectors: Float[np.ndarray, "*batch 3"], quarter_turns: int) -> 
 
 
 def turn_poses(pose: Float[np.ndarray, "*batch 7"], angle: float) -> Float[np.ndarray, "*batch 7"]:
-    """Rotate poses about the world's z axis by `angle` [rad]."""
+    """Rotate poses about the world's z axis by `angle` [rad].
+
+    Of an orientation's two quaternions the one nearest to a yaw of 135 degrees is taken: blocks of a tower point at
+    0, 90, 180 or 270 degrees, so a tower has the same numbers however often it was turned, and noise flips no sign.
+    """
     c, s = np.cos(angle), np.sin(angle)
     w, v = np.cos(angle / 2), np.sin(angle / 2)
     x, y, z, qw, qx, qy, qz = np.moveaxis(pose, -1, 0)
-    return np.stack(
-        [c * x - s * y, s * x + c * y, z, w * qw - v * qz, w * qx - v * qy, w * qy + v * qx, w * qz + v * qw],
-        axis=-1,
-    )
+    quat = np.stack([w * qw - v * qz, w * qx - v * qy, w * qy + v * qx, w * qz + v * qw], axis=-1)
+    nearest = np.where(quat @ _YAW_135 < 0, -1.0, 1.0)
+    return np.concatenate([np.stack([c * x - s * y, s * x + c * y, z], -1), quat * nearest[..., None]], axis=-1)
 
 
 def quarter_turns_for(layout: Layout, target: int, face: int) -> int:

@@ -103,12 +103,15 @@ def walk(stream: BinaryIO) -> Iterator[McapRecord | Damage]:
     """
     size = size_of(stream)
     position = previous = len(MCAP0_MAGIC)
+    reported = -1
     checksum: int | None = zlib.crc32(MCAP0_MAGIC)
     while position < size:
         try:
             raw = read_record(stream, position, size)
         except ValueError as error:
-            yield Damage(position, str(error))
+            if position != reported:  # the way back may lead to the same place
+                yield Damage(position, str(error))
+            reported = position
             checksum = None
             # A wrong length in the record before may have led here, past good chunks.
             position = previous = _next_chunk(stream, previous + 1, size)
