@@ -1,14 +1,20 @@
 """`jenga`: finds the verb, prints what it says, and turns what a user can cause into one line and an exit code."""
 
+import errno
 import os
+import re
 import sys
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import redirect_stderr
+from functools import partial, wraps
+from io import StringIO
+from typing import Any
 
 import msgspec
 import tyro
 
 from jenga_control.commands import demo, evaluate, replay
-from jenga_data.command_line import Verb
+from jenga_data.command_line import Shown, Verb
 from jenga_data.commands import collect, convert, dataset, log
 from jenga_data.errors import JengaError
 from jenga_models.commands import train
@@ -25,6 +31,11 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
 }
 
 
+_NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
+"""What a system says that has no room left, or none for this user."""
+_DRAWN = re.compile(r"\x1b\[[0-9;]*m|[╭╮╰╯│]")
+
+
 def _listing(usage: str, verbs: Mapping[str, str]) -> str:
     width = max(map(len, verbs))
     lines = [usage, "", *(f"  {name:{width}}  {what}" for name, what in verbs.items())]
@@ -35,10 +46,46 @@ def _first_line(verb: Verb) -> str:
     return (verb.__doc__ or "").strip().splitlines()[0]
 
 
+def _parse(verb: Verb, prog: str, args: Sequence[str]) -> Callable[[], Shown]:
+    """The call that a command line asks for.
+
+    Raises:
+        JengaError: it asks for none; tyro explains that in a box of many lines.
+        SystemExit: it asked for help, and got it.
+    """
+
+    @wraps(verb)
+    def later(*values: Any, **named: Any) -> Callable[[], Shown]:
+        return partial(verb, *values, **named)
+
+    said = StringIO()
+    try:
+        with redirect_stderr(said):
+            return tyro.cli(later, prog=prog, args=args)
+    except SystemExit as stop:
+        if not stop.code:
+            raise
+    raise JengaError(f"{_in_one_line(said.getvalue())}; see {prog} --help")
+
+
+def _in_one_line(box: str) -> str:
+    """What tyro says in a box: its sections without the title, the help of single options and where to find more."""
+    sections: list[list[str]] = [[]]
+    for line in _DRAWN.sub("", box).splitlines()[1:]:
+        if "──" in line:
+            sections.append([])
+        elif not line.startswith(" " * 8):
+            sections[-1].append(line.strip())
+    told = [" ".join(lines).rstrip(". ") for lines in sections]
+    told = [text for text in told if text and not text.startswith(("Argument helptext", "For full helptext"))]
+    return "; ".join(text[0].lower() + text[1:] for text in told) or "this is no command"
+
+
 def run(args: list[str]) -> int:
     """Parse and run one command line. Returns the exit code."""
     if not args or args[0] in ("-h", "--help"):
-        print(_listing("usage: jenga VERB [OPTIONS]", {name: what for name, (what, _) in VERBS.items()}))
+        listing = _listing("usage: jenga VERB [OPTIONS]", {name: what for name, (what, _) in VERBS.items()})
+        print(listing, file=sys.stdout if args else sys.stderr)
         return 0 if args else 2
     if args[0] not in VERBS:
         raise JengaError(f"unknown verb {args[0]!r}; allowed: {', '.join(VERBS)}")
@@ -46,13 +93,14 @@ def run(args: list[str]) -> int:
     verb = VERBS[prog][1](rest)
     if isinstance(verb, dict):
         if not rest or rest[0] in ("-h", "--help"):
-            print(_listing(f"usage: jenga {prog} VERB [OPTIONS]", {n: _first_line(f) for n, f in verb.items()}))
+            listing = _listing(f"usage: jenga {prog} VERB [OPTIONS]", {n: _first_line(f) for n, f in verb.items()})
+            print(listing, file=sys.stdout if rest else sys.stderr)
             return 0 if rest else 2
         if rest[0] not in verb:
             raise JengaError(f"unknown verb {rest[0]!r} of jenga {prog}; allowed: {', '.join(verb)}")
         prog, verb, rest = f"{prog} {rest[0]}", verb[rest[0]], rest[1:]
-    shown = tyro.cli(verb, prog=f"jenga {prog}", args=rest)
-    print(msgspec.json.encode(shown.data).decode() if shown.json else shown.text)
+    shown = _parse(verb, f"jenga {prog}", rest)()
+    print(msgspec.json.encode(shown.data).decode() if shown.json else shown.text, flush=True)
     return 0 if shown.ok else 1
 
 
@@ -68,6 +116,12 @@ def main() -> None:
     except BrokenPipeError:  # the reader, such as head, has seen enough
         sys.stdout = None
         code = 0
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        where = f" ({error.filename})" if error.filename else ""
+        print(f"jenga: {error.strerror}{where}; make room, or choose another folder", file=sys.stderr)
+        code = 2
     except KeyboardInterrupt:
         print("jenga: interrupted; what was finished is kept", file=sys.stderr)
         code = 130

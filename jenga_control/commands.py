@@ -5,17 +5,17 @@ from typing import Literal
 
 import tyro
 
-from jenga_data.command_line import Json, Shown, Verb
+from jenga_data.command_line import Json, MaybeInt, MaybePath, Shown, Verb
 
 
 def demo(
-    out: Path | None = None,
+    out: MaybePath = None,
     workers: int = 2,
     seed: int = 0,
     selection_episodes: int = 12,
     extraction_episodes: int = 6,
     towers: int = 2,
-    epochs: int | None = None,
+    epochs: MaybeInt = None,
     json: Json = False,
 ) -> Shown:
     """The whole loop, small, in minutes: simulate, log, convert, train, evaluate, control, replay.
@@ -67,7 +67,7 @@ def evaluate() -> dict[str, Verb]:
 
     def extraction(
         out: Path,
-        model: Path | None = None,
+        model: MaybePath = None,
         objective: tuple[Literal["full", "naive", "straight"], ...] = ("full", "naive", "straight"),
         towers: int = 100,
         preset: Literal["paper", "best"] = "best",
@@ -99,9 +99,9 @@ def evaluate() -> dict[str, Verb]:
 def replay(
     episode: tyro.conf.Positional[Path],
     model: tuple[Path, ...] = (),
-    save: Path | None = None,
+    save: MaybePath = None,
     web: bool = False,
-    png: Path | None = None,
+    png: MaybePath = None,
     time: float = 0.0,
     json: Json = False,
 ) -> Shown:

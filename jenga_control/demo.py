@@ -40,6 +40,12 @@ class DemoSize:
     epochs: int | None = None
     """Of both trainings; by default those of the preset "fast"."""
 
+    def __post_init__(self) -> None:
+        if min(self.selection_episodes, self.extraction_episodes) < 3:
+            raise JengaError("a demo needs 3 episodes of each kind at least: to train, to validate and to test")
+        if self.towers < 1 or (self.epochs is not None and self.epochs < 1):
+            raise JengaError(f"towers is {self.towers} and epochs is {self.epochs}; both must be at least 1")
+
 
 def free_folder(parent: Path = Path("runs")) -> Path:
     """The first of demo-1, demo-2, ... that does not exist: a demo never overwrites an older one."""
@@ -76,7 +82,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
 
     _say(3, "train: which block fails (graph network), how the tower moves (graph network simulator)")
     datasets = {kind: open_dataset(folder) for kind, folder in folders.items()}
-    settings = {"epochs": size.epochs} if size.epochs else {}
+    settings = {"epochs": size.epochs} if size.epochs is not None else {}
     selector = models / "selection"
     train_selection(datasets["selection"], _with(SELECTION_PRESETS["fast"], settings), selector)
     simulator = models / "dynamics"

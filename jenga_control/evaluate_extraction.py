@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from jenga_control.cost import CostConfig
-from jenga_control.extraction import ClosedLoop
+from jenga_control.extraction import CONTROLLERS, ClosedLoop
 from jenga_control.mppi import mppi_preset
 from jenga_control.statistics import Proportion, paired_difference
-from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig
+from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig, episode_key
 from jenga_data.collect.workers import run_episodes
 from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import JengaError
@@ -40,20 +40,26 @@ def evaluate_extraction(
     others under `baselines` and the paired difference to each.
 
     Raises:
-        JengaError: a controller needs a model and none was given, or the folder holds something else.
+        JengaError: no controller or one twice, one needs a model and none was given, or the folder holds
+            something else.
     """
+    if not controllers or len(set(controllers)) < len(controllers):
+        given = ", ".join(controllers) or "none"
+        raise JengaError(f"ways to pull: {given}; allowed: one or more of {', '.join(CONTROLLERS)}, each once")
     if seed < SEED_LIMIT:
         raise JengaError(f"seed is {seed}; evaluation uses seeds from {SEED_LIMIT} up, which no training data may have")
     loops = [_closed_loop(name, model, preset, config or ExtractionConfig()) for name in controllers]
-    reports, successes = [], []
+    reports, rollouts = [], []
     for loop in loops:
         logs = out / loop.controller
         run_episodes(loop, loop.config, seed, towers, workers, logs, loop.actor, f"pulling, {loop.controller}")
-        runs = _runs(logs, towers)
-        reports.append(_report(loop, runs, logs))
-        successes.append(np.array([result.verdict.outcome is Outcome.EXTRACTED for _, result in runs]))
+        paths = [logs / f"{episode_key(loop.config, seed, number, loop.actor)}.mcap" for number in range(towers)]
+        runs = [_ended(path) for path in paths]
+        reports.append(_report(loop, runs, paths[0]))
+        rollouts.append(runs)
     report, *others = reports
-    blocks = np.array([header.blocks.tower for header, _ in _runs(out / loops[0].controller, towers)])
+    successes = [np.array([result.verdict.outcome is Outcome.EXTRACTED for _, result in runs]) for runs in rollouts]
+    blocks = np.array([header.blocks.tower for header, _ in rollouts[0]])
     for other, hits in zip(others, successes[1:], strict=True):
         other["paired"] = paired_difference(successes[0], hits, blocks)
     report["baselines"] = {loop.controller: other for loop, other in zip(loops[1:], others, strict=True)}
@@ -72,17 +78,18 @@ def _closed_loop(controller: str, model: Path | None, preset: str, config: Extra
     return replace(loop, model=model, model_hash=load(model).require("dynamics").hash)
 
 
-def _runs(logs: Path, towers: int) -> list[tuple[EpisodeHeader, Result]]:
-    """Header and result of every rollout, in the order of their numbers."""
-    found = [(header, result) for header, result in map(read_header, logs.glob("*.mcap")) if result is not None]
-    return sorted((run for run in found if run[0].number < towers), key=lambda run: run[0].number)
+def _ended(path: Path) -> tuple[EpisodeHeader, Result]:
+    header, result = read_header(path)
+    assert result is not None  # a rollout gets its name when it has ended
+    return header, result
 
 
-def _report(loop: ClosedLoop, runs: list[tuple[EpisodeHeader, Result]], logs: Path) -> dict[str, Any]:
+def _report(loop: ClosedLoop, runs: list[tuple[EpisodeHeader, Result]], first: Path) -> dict[str, Any]:
     verdicts = [result.verdict for _, result in runs]
     outcomes = Counter(verdict.outcome.value for verdict in verdicts)
     success = np.array([verdict.outcome is Outcome.EXTRACTED for verdict in verdicts])
     clean = success & ~np.array([verdict.dragged for verdict in verdicts])
+    moved = [verdict.moved for verdict in verdicts if verdict.outcome is not Outcome.INVALID]
     causes = Counter(result.cause or result.verdict.outcome.value for _, result in runs if result.verdict.failure)
     return {
         "objective": loop.cost.objective if loop.controller != "straight" else f"straight pull, {loop.speed} m/s",
@@ -91,17 +98,17 @@ def _report(loop: ClosedLoop, runs: list[tuple[EpisodeHeader, Result]], logs: Pa
         "success_without_dragging": Proportion.of(clean).as_dict(),
         "outcomes": {outcome.value: outcomes[outcome.value] for outcome in Outcome},
         "causes": dict(sorted(causes.items())),
-        "median_disturbance_mm": float(np.median([verdict.moved for verdict in verdicts]) * 1e3),
-        "control_hz": _decision_rate(loop, logs),
+        "median_disturbance_mm": float(np.median(moved) * 1e3) if moved else None,
+        "control_hz": _decision_rate(loop, first),
         "switches": {},
         "model": loop.actor.checkpoint,
-        "logs": str(logs),
+        "logs": str(first.parent),
     }
 
 
-def _decision_rate(loop: ClosedLoop, logs: Path) -> float:
-    """Decisions a second in this process, on logged towers, after one to warm up."""
-    episode = read_episode(min(logs.glob("*.mcap")))
+def _decision_rate(loop: ClosedLoop, log: Path) -> float:
+    """Decisions a second in this process, on the towers of a log, after one to warm up."""
+    episode = read_episode(log)
     policy = loop.policy(np.random.default_rng(0))
     frames = episode.action_frame if len(episode.action_frame) else np.zeros(1, np.int64)
     policy.act(episode.tower_state(int(frames[0])), episode.header.target)

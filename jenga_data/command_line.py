@@ -2,13 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from pathlib import Path
+from typing import Annotated, Any, Optional
 
 import tyro
 
 Json = Annotated[bool, tyro.conf.arg(name="json", help="print one JSON object and nothing else")]
 Inline = tyro.conf.arg(name="")
 """Fields of a configuration stand beside the verb's own options."""
+# For `X | None` tyro imports a type checker, half of the time that a --help takes; for this form it needs none.
+MaybePath = Optional[Path]  # noqa: UP045
+MaybeText = Optional[str]  # noqa: UP045
+MaybeInt = Optional[int]  # noqa: UP045
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import msgspec
 import tyro
 
-from jenga_data.command_line import Inline, Json, Shown, Verb
+from jenga_data.command_line import Inline, Json, MaybePath, MaybeText, Shown, Verb
 from jenga_data.errors import JengaError
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def collect() -> dict[str, Verb]:
         config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
         seed: int = 0,
         workers: int = 2,
-        rounds: str | None = None,
+        rounds: MaybeText = None,
         json: Json = False,
     ) -> Shown:
         """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
@@ -55,7 +55,7 @@ def collect() -> dict[str, Verb]:
         config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
         seed: int = 0,
         workers: int = 2,
-        rounds: str | None = None,
+        rounds: MaybeText = None,
         json: Json = False,
     ) -> Shown:
         """Pull random legal blocks with a gripper over 51 actions: data for the dynamics model.
@@ -73,10 +73,11 @@ def collect() -> dict[str, Verb]:
 
 
 def _rounds(text: str) -> dict[str, int]:
-    first, _, last = text.partition("-")
-    if not (first.isdigit() and (last or first).isdigit()):
+    first, dash, last = text.partition("-")
+    last = last if dash else first
+    if not (first.isdecimal() and last.isdecimal()):
         raise JengaError(f"--rounds is {text!r}; allowed: one round or a range, such as 7 or 1-15")
-    return {"first_round": int(first), "last_round": int(last or first)}
+    return {"first_round": int(first), "last_round": int(last)}
 
 
 def convert(
@@ -92,6 +93,8 @@ def convert(
     """
     from jenga_data.dataset.convert import convert as run
 
+    if not logs:
+        raise JengaError("no folder of logs was given; name at least one: jenga convert FOLDER --name ... --out ...")
     manifest = run(logs, out, name, version)
     data = {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
     counts = msgspec.to_builtins(manifest.counts)
@@ -144,7 +147,7 @@ def log() -> dict[str, Verb]:
 
         return show(run(file), json)
 
-    def recover(file: tyro.conf.Positional[Path], out: Path | None = None, json: Json = False) -> Shown:
+    def recover(file: tyro.conf.Positional[Path], out: MaybePath = None, json: Json = False) -> Shown:
         """Save what can be read of an unfinished or damaged log into a whole one.
 
         Args:
