@@ -33,7 +33,9 @@ class SpawnConfig:
     settle: float = 0.256
     """Time awake to come to rest before anything is judged [s]."""
     stand: float = 2.0
-    """Time over which the tower must then stand by itself [s]; once at rest it may sleep."""
+    """Time over which the tower must then stand by itself [s]."""
+    awake: float = 0.256
+    """The first part of that time [s], in which it may not fall asleep."""
     creep_allowance: float = 0.002
     """No block may move by more in that time [m]."""
     tries: int = 20
@@ -60,7 +62,7 @@ class SelectionConfig:
     """Cap of the force along x [N]: what two fingertips hold without squeezing."""
     side_force_limit: float = 0.5
     """Cap of the force along y and z [N], 2.6 times a block's weight."""
-    pull_seconds: float = 1.2
+    pull_seconds: float = 1.0
     """The servo gives up after so long [s]; a block is out after 0.8 s."""
     spawn: SpawnConfig = field(default_factory=SpawnConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)

@@ -72,8 +72,8 @@ def _standing_pose(config: CollectConfig, tower: GrownTower) -> Float[np.ndarray
     for _ in range(round(config.spawn.settle / frame)):
         world.step(config.physics.steps_a_frame)
     settled = world.pose
-    world.allow_sleep(True)
-    for _ in range(round(config.spawn.stand / frame)):
+    for watched in range(round(config.spawn.stand / frame)):
+        world.allow_sleep(watched >= round(config.spawn.awake / frame))
         world.step(config.physics.steps_a_frame)
         if np.linalg.norm(world.pose[:, :3] - settled[:, :3], axis=1).max() > config.spawn.creep_allowance:
             return None

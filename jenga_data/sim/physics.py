@@ -24,7 +24,7 @@ class PhysicsConfig:
     """Damping ratio of a contact, MuJoCo's solref[1]."""
     impedance: float = 0.995
     """Constraint impedance (MuJoCo's solimp, constant over penetration, so that contacts are linear springs)."""
-    sleep_tolerance: float = 3e-3
+    sleep_tolerance: float = 1e-2
     """Speed below which a tower that may sleep falls asleep (MuJoCo's own measure, about m/s)."""
 
     def __post_init__(self) -> None:
