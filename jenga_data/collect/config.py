@@ -56,22 +56,26 @@ class SelectionConfig:
     """Speed along -x [m/s]."""
     noise: float = 0.01
     """Standard deviation of the speeds along y and z, drawn anew each control step [m/s]."""
-    gain: float = 50.0
-    """Force per velocity error [N s/m]."""
+    gains: tuple[float, float] = (4.0, 400.0)
+    """Proportional [N s/m] and integral [N/m] gain of the servo."""
     force_limit: float = 3.0
     """Cap of the force along x [N]: what two fingertips hold without squeezing."""
     side_force_limit: float = 0.5
     """Cap of the force along y and z [N], 2.6 times a block's weight."""
-    pull_seconds: float = 1.0
-    """The servo gives up after so long [s]; a block is out after 0.8 s."""
+    pull_seconds: float = 3.0
+    """The servo gives up after so long [s]; a loose block is out after 0.8 s."""
+    patience: float = 0.32
+    """It gives up sooner when the target has not moved along -x by `least_progress` in so long [s]..."""
+    least_progress: float = 0.003
+    """...so far [m]: a person does not pull on at what does not move."""
     spawn: SpawnConfig = field(default_factory=SpawnConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
 
     kind = "selection"
 
     def __post_init__(self) -> None:
-        if self.speed <= 0 or self.force_limit <= 0 or self.pull_seconds <= 0:
-            raise JengaError("speed, force-limit and pull-seconds must be positive")
+        if min(self.speed, self.force_limit, self.pull_seconds, self.patience) <= 0:
+            raise JengaError("speed, force-limit, pull-seconds and patience must be positive")
 
 
 @dataclass(frozen=True)
@@ -121,12 +125,24 @@ def config_from_dict(values: dict[str, Any]) -> CollectConfig:
         "extraction": ExtractionConfig,
     }
     rest = {name: value for name, value in values.items() if name not in ("kind", "controller")}
-    if (kind := values.get("kind")) not in kinds:
+    if not isinstance(kind := values.get("kind"), str) or kind not in kinds:
         raise JengaError(f"unknown kind of collection {kind!r}; allowed: {', '.join(kinds)}")
     try:
-        return msgspec.convert(rest, kinds[kind])
+        config = msgspec.convert(rest, kinds[kind])
     except msgspec.ValidationError as error:
         raise JengaError(f"this configuration cannot be read: {error}") from None
+    if unknown := _fields_beyond(msgspec.to_builtins(config), rest):
+        raise JengaError(f"this {kind} configuration has fields that this jenga does not know: {', '.join(unknown)}")
+    return config
+
+
+def _fields_beyond(known: dict[str, Any], given: dict[str, Any]) -> list[str]:
+    """Fields that only `given` has, with their path: msgspec passes over them."""
+    beyond = [name for name in given if name not in known]
+    for name, value in given.items():
+        if isinstance(value, dict) and isinstance(known.get(name), dict):
+            beyond += [f"{name}.{field}" for field in _fields_beyond(known[name], value)]
+    return beyond
 
 
 @dataclass(frozen=True)

@@ -50,10 +50,14 @@ class Recording:
         """Whether the target has been clear for so long."""
         return self.clear_frame() >= 0 and (self.frame - self.clear_frame()) * CONTROL_STEP_NS >= seconds * 1e9
 
+    def target_x(self, frame: int = -1) -> float:
+        """Where the target was along x [m]; by default, where it is."""
+        return float(self.poses[frame][self.target, 0])
+
     def distance_clear(self) -> float:
         """How far along -x the target has come since it was clear [m], 0 if it is not."""
         clear = self.clear_frame()
-        return float(self.poses[clear][self.target, 0] - self.poses[-1][self.target, 0]) if clear >= 0 else 0.0
+        return self.target_x(clear) - self.target_x() if clear >= 0 else 0.0
 
     def has_collapsed(self) -> bool:
         """Whether a block but the target has dropped by now."""

@@ -9,7 +9,8 @@ from jenga_data.collect.recording import Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import set_stage
 from jenga_data.episode import CONTROL_STEP_NS, Result
-from jenga_data.sim.scene import add_servo, add_tower, base_spec, xml_with_start
+from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
+from jenga_data.sim.servo import BlockServo
 from jenga_data.sim.world import World
 
 _AWAY = 0.05
@@ -21,10 +22,9 @@ def run_selection(config: SelectionConfig, seed: int, number: int, open_log: Ope
     stage = set_stage(config, seed, number)
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
-    limits = (config.force_limit, config.side_force_limit, config.side_force_limit)
-    add_servo(spec, stage.target, config.gain, limits)
     world = World(spec, stage.blocks, stage.layout)
-    servo = world.actuators("servo_x", "servo_y", "servo_z")
+    limits = np.array([config.force_limit, config.side_force_limit, config.side_force_limit])
+    servo = BlockServo(world, stage.target, config.gains, limits)
     noise = episode_rng(seed, number, "noise")
     period = CONTROL_STEP_NS * 1e-9
 
@@ -33,16 +33,19 @@ def run_selection(config: SelectionConfig, seed: int, number: int, open_log: Ope
         recording.phase("pull")
         for _ in range(round(config.pull_seconds / period)):
             velocity = np.array([-config.speed, *noise.normal(0.0, config.noise, 2)])
-            world.data.ctrl[servo] = velocity
+            servo.command(velocity)
             before = recording.poses[-1]
-            recording.advance(lambda _: world.step(), config.physics.steps_a_frame)
+            recording.advance(lambda _: servo.step(), config.physics.steps_a_frame)
             moved = recording.poses[-1][stage.target, :3] - before[stage.target, :3]
             recording.action(recording.frame - 1, velocity * period, moved)
             if recording.has_collapsed() or recording.distance_clear() > _AWAY:
                 break
-        world.data.ctrl[servo] = 0.0
+            ago = recording.frame - round(config.patience / period)
+            if ago >= 0 and recording.target_x(ago) - recording.target_x() < config.least_progress:
+                break
+        servo.command(np.zeros(3))
         if recording.clear_frame() < 0:
-            world.cut_power(servo)
+            servo.let_go()
         recording.phase("observe")
-        observe(recording, config.physics, lambda _: world.step())
+        observe(recording, config.physics, lambda _: servo.step())
         return recording.finish()

@@ -1,4 +1,4 @@
-"""The scene as an MjSpec: table, turntable, tower, and what pulls: a servo on the block or a free-floating gripper."""
+"""The scene as an MjSpec: table, turntable, tower, and a free-floating gripper."""
 
 import mujoco
 import numpy as np
@@ -68,25 +68,6 @@ def add_tower(
             name=f"block_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=blocks.size[i] / 2, mass=blocks.mass[i],
             rgba=[*colours[i], 1.0], **wood_contact(physics),
         )  # fmt: skip
-
-
-def add_servo(spec: mujoco.MjSpec, target: int, gain: float, force_limit: tuple[float, float, float]) -> None:
-    """Add velocity servos `servo_x`, `_y`, `_z` that act on the target's centre along the world's axes.
-
-    Args:
-        gain: force per velocity error [N s/m]; the integrator treats it implicitly.
-        force_limit: cap of the force along x, y, z [N].
-    """
-    spec.body(f"block_{target}").add_site(name="target")
-    spec.worldbody.add_site(name="world")
-    for axis, name in enumerate("xyz"):
-        servo = spec.add_actuator(
-            name=f"servo_{name}", trntype=mujoco.mjtTrn.mjTRN_SITE, target="target", refsite="world"
-        )
-        servo.set_to_velocity(kv=gain)
-        servo.gear = [float(axis == k) for k in range(6)]
-        servo.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-        servo.forcerange = [-force_limit[axis], force_limit[axis]]
 
 
 def add_gripper(

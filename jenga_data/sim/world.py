@@ -30,15 +30,6 @@ class World:
         self._geom_id = _ids_of_geoms(self.model)
         self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
 
-    def actuators(self, *names: str) -> list[int]:
-        """Numbers of actuators, for `data.ctrl`."""
-        return [self.model.actuator(name).id for name in names]
-
-    def cut_power(self, actuators: list[int]) -> None:
-        """Let actuators exert no force at all from now on."""
-        self.model.actuator_gainprm[actuators] = 0.0
-        self.model.actuator_biasprm[actuators] = 0.0
-
     def step(self, count: int = 1) -> None:
         mujoco.mj_step(self.model, self.data, nstep=count)
 

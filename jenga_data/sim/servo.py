@@ -1,0 +1,52 @@
+"""A force-capped velocity servo on one block: the pull of the selection data, without a robot."""
+
+import numpy as np
+from jaxtyping import Float
+
+from jenga_data.sim.world import World
+
+
+class BlockServo:
+    """Pushes at a block's centre so that it keeps a commanded velocity, with no more force than allowed.
+
+    Proportional and integral action, F = clip(k_p e + k_i ∫ e dt) with e the velocity error, so that friction leaves
+    no lasting error; the integral stops at the cap. It acts once a physics step and is stable for a free block while
+    k_p dt / m < 1 and k_i dt^2 / m << 1. A velocity actuator of MuJoCo is not: where its force is capped its damping
+    is no longer implicit, and with a gain that reaches the cap it throws a free block to and fro.
+    """
+
+    def __init__(
+        self, world: World, block: int, gains: tuple[float, float], force_limit: Float[np.ndarray, "3"]
+    ) -> None:
+        """Args:
+        gains: k_p [N s/m] and k_i [N/m].
+        force_limit: cap along the world's x, y, z [N].
+        """
+        self._world = world
+        self._body = world.model.body(f"block_{block}").id
+        self._velocity = world.model.body(f"block_{block}").dofadr[0] + np.arange(3)
+        self._gains = gains
+        self._limit = np.asarray(force_limit, float)
+        self._integral = np.zeros(3)
+        self._wanted = np.zeros(3)
+        self._on = True
+
+    def command(self, velocity: Float[np.ndarray, "3"]) -> None:
+        """The velocity to keep from now on [m/s]."""
+        self._wanted = np.asarray(velocity, float)
+
+    def let_go(self) -> None:
+        """Exert no force from now on."""
+        self._on = False
+        self._world.data.xfrc_applied[self._body] = 0.0
+
+    def step(self) -> None:
+        """One physics step with the servo's force."""
+        if self._on:
+            error = self._wanted - self._world.data.qvel[self._velocity]
+            k_p, k_i = self._gains
+            step = self._world.model.opt.timestep
+            self._integral = np.clip(self._integral + k_i * step * error, -self._limit, self._limit)
+            force = np.clip(k_p * error + self._integral, -self._limit, self._limit)
+            self._world.data.xfrc_applied[self._body, :3] = force
+        self._world.step()
