@@ -5,7 +5,7 @@ import pytest
 from nominal_tower import layout_of, nominal_state, stacked_poses
 
 from jenga_data.errors import JengaError
-from jenga_data.graph import MAX_GAP, MAX_SINK, MIN_OVERLAP, node_features, support_edges, support_matrix
+from jenga_data.graph import node_features, support_edges, support_matrix
 from jenga_data.graph_spec import FEATURE_WIDTH, GRAPHS, GraphSpec, graph_spec
 from jenga_data.tower import Layout
 
@@ -68,16 +68,16 @@ def test_a_removed_block_has_no_edge_and_the_others_keep_theirs(where):
 @pytest.mark.parametrize(
     ("shift", "joined"),
     [
-        ([0, 0, MAX_GAP - 1e-6], True),
-        ([0, 0, MAX_GAP + 1e-6], False),
-        ([0, 0, -MAX_SINK + 1e-6], True),
-        ([0, 0, -MAX_SINK - 1e-6], False),
-        ([0.05 - MIN_OVERLAP - 1e-6, 0, 0], True),
-        ([0.05 - MIN_OVERLAP + 1e-6, 0, 0], False),
+        ([0, 0, 0.001 - 1e-6], True),
+        ([0, 0, 0.001 + 1e-6], False),
+        ([0, 0, -0.005 + 1e-6], True),
+        ([0, 0, -0.005 - 1e-6], False),
+        ([0.049 - 1e-6, 0, 0], True),
+        ([0.049 + 1e-6, 0, 0], False),
     ],
 )
 def test_edges_end_where_the_gap_or_the_overlap_says(shift, joined):
-    """A block along y on one along x: footprints of 25 mm and 75 mm along x, no longer over each other after 50 mm."""
+    """1 mm of air, 5 mm of sinking; and 1 mm of overlap: a block along y leaves one along x after 50 mm."""
     state = nominal_state(layout_of(".x.", ".x."))
     pose = state.pose.copy()
     pose[1, :3] += shift

@@ -166,6 +166,15 @@ def test_blocks_that_would_each_stand_fall_together():
     assert nominal("xxx", ".x.", ".x.", shift={1: (0.0, 0.008), 2: (0.0, 0.020)}).stands
 
 
+def test_a_block_that_leans_more_than_heights_differ_does_not_stand():
+    layout = layout_of("x.x", ".x.")
+    blocks = nominal_blocks(3)
+    for taller, stands in [(0.001, True), (0.005, False)]:
+        size = blocks.size.copy()
+        size[1, 2] += taller
+        assert solve(replace(blocks, size=size), layout, planar_of(layout), STIFFNESS).stands is stands
+
+
 def test_a_block_in_the_air_does_not_stand():
     assert not nominal("xxx", "xxx", shift={4: (0.3, 0.0)}).stands
 
