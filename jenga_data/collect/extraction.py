@@ -1,7 +1,7 @@
 """Extraction rollouts: a gripper grasps the block that sticks out and pulls it over T actions (paper, section II-C)."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -31,6 +31,7 @@ _AWAY = 0.05
 """A controller stops when the target is clear by so much [m]: nothing can fall onto it."""
 
 
+@runtime_checkable
 class Policy(Protocol):
     """Chooses the displacement of the end effector for the next control period."""
 

@@ -1,7 +1,7 @@
 """Writing a running world into a log, frame by frame."""
 
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from jaxtyping import Float
@@ -12,6 +12,7 @@ from jenga_data.outcome import THRESHOLDS, Verdict, collapsed, judge
 from jenga_data.sim.world import World
 
 
+@runtime_checkable
 class Recorder(Protocol):
     """What an episode needs of a log; `jenga_data.log.writer.EpisodeWriter` is one."""
 

@@ -29,6 +29,7 @@ class World:
         self._tree = self.model.body_treeid[[self.model.body(f"block_{i}").id for i in range(len(blocks))]]
         self._geom_id = _ids_of_geoms(self.model)
         self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
+        self._resting: tuple[Float[np.ndarray, "block 7"], Contacts] | None = None
 
     def step(self, count: int = 1) -> None:
         mujoco.mj_step(self.model, self.data, nstep=count)
@@ -74,13 +75,35 @@ class World:
         return TowerState(self.blocks, self.layout, self.pose, self.twist)
 
     def contacts(self) -> Contacts:
-        """Touching pairs that involve a block, with the summed force that `second` exerts on `first`."""
-        contact = self.data.contact
+        """Touching pairs that involve a block, with the summed force that `second` exerts on `first`.
+
+        MuJoCo finds no contacts of what sleeps: those of a sleeping tower are what they would be if it woke up.
+        """
+        if not self.asleep:
+            return self._contacts(self.data)
+        pose = self.pose
+        if self._resting is None or not np.array_equal(self._resting[0], pose):
+            self._resting = pose, self._contacts(self._awake())
+        resting = self._resting[1]
+        return Contacts(resting.first.copy(), resting.second.copy(), resting.force.copy())
+
+    def _awake(self) -> mujoco.MjData:
+        """This moment, computed with nothing asleep."""
+        data = mujoco.MjData(self.model)
+        mujoco.mj_setState(self.model, data, self.integration_state(), STATE_SPEC)
+        flags = self.model.opt.enableflags
+        self.allow_sleep(False)
+        mujoco.mj_forward(self.model, data)
+        self.model.opt.enableflags = flags
+        return data
+
+    def _contacts(self, data: mujoco.MjData) -> Contacts:
+        contact = data.contact
         address = contact.efc_address
         active = address >= 0
         body = self._geom_id[contact.geom[active]]
         rows = address[active][:, None] + np.arange(3)
-        local = self.data.efc_force[rows]  # normal, then two tangents: elliptic cones keep them as they are
+        local = data.efc_force[rows]  # normal, then two tangents: elliptic cones keep them as they are
         on_second = np.einsum("ca,cax->cx", local, contact.frame[active].reshape(-1, 3, 3))
         swap = body[:, 0] < body[:, 1]  # the higher id, always a block, comes first
         first = np.where(swap, body[:, 1], body[:, 0])
@@ -99,7 +122,8 @@ class World:
         return state
 
     def restore(self, state: Float[np.ndarray, " state"]) -> None:
-        """Go back to an `integration_state`; stepping on from there repeats the same bytes."""
+        """Go back to an `integration_state`; stepping on from there repeats the same bytes, unless something may
+        sleep: what sleeps, and how long it has been quiet, is no part of MuJoCo's state."""
         mujoco.mj_setState(self.model, self.data, state, STATE_SPEC)
         mujoco.mj_forward(self.model, self.data)
 
