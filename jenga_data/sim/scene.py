@@ -112,6 +112,9 @@ def add_gripper(
         motor.set_to_motor()
         motor.ctrlrange = [-gripper.grip_force, gripper.grip_force]
         motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    # Fingers that close on nothing stop at their joints' ends: thrown through each other, they would be held apart
+    # from the wrong side.
+    spec.add_exclude(name="fingers", bodyname1="left_finger", bodyname2="right_finger")
 
 
 def xml_with_start(spec: mujoco.MjSpec, data: mujoco.MjData) -> str:

@@ -72,3 +72,28 @@ def test_patience_that_is_not_positive_is_refused() -> None:
 
     with pytest.raises(JengaError, match="patience must be positive"):
         replace(CONFIG, patience=0.0)
+
+
+def test_no_axis_exceeds_its_limit_and_no_torque_or_other_block_is_touched(world: World) -> None:
+    servo = BlockServo(world, 1, CONFIG.gains, LIMIT)
+    servo.command(np.array([-5.0, 5.0, 5.0]))
+    body = world.model.body("block_1").id
+    largest = np.zeros(3)
+    for _ in range(60):
+        servo.step()
+        largest = np.maximum(largest, np.abs(world.data.xfrc_applied[body, :3]))
+    np.testing.assert_array_equal(largest, LIMIT)
+    assert not world.data.xfrc_applied[body, 3:].any()
+    assert not np.delete(world.data.xfrc_applied, body, axis=0).any()
+
+
+def test_time_at_the_limit_is_not_made_up_for_later(world: World) -> None:
+    """The integral stops at the cap, or the block would be pulled on for long after it may stop."""
+    servo = BlockServo(world, 1, CONFIG.gains, np.array([0.01, 0.5, 0.5]))
+    body = world.model.body("block_1").id
+    servo.command(np.array([-0.3, 0.0, 0.0]))
+    run(world, servo, 0.1)
+    assert world.data.xfrc_applied[body, 0] == pytest.approx(-0.01)
+    servo.command(world.twist[1, :3] + [0.05, 0, 0])
+    run(world, servo, 0.004)
+    assert world.data.xfrc_applied[body, 0] > 0
