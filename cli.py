@@ -33,7 +33,8 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
 
 _NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM)
 """What a system says that has no room left, or none for this user."""
-_DRAWN = re.compile(r"\x1b\[[0-9;]*m|[╭╮╰╯│]")
+_FRAME = re.compile(r"\x1b\[[0-9;]*m|[╭╮╰╯│]")
+_RULE = re.compile(r" *[─-]{4,} *")
 
 
 def _listing(usage: str, verbs: Mapping[str, str]) -> str:
@@ -71,8 +72,8 @@ def _parse(verb: Verb, prog: str, args: Sequence[str]) -> Callable[[], Shown]:
 def _in_one_line(box: str) -> str:
     """What tyro says in a box: its sections without the title, the help of single options and where to find more."""
     sections: list[list[str]] = [[]]
-    for line in _DRAWN.sub("", box).splitlines()[1:]:
-        if "──" in line:
+    for line in _FRAME.sub("", box).splitlines()[1:]:
+        if _RULE.fullmatch(line):
             sections.append([])
         elif not line.startswith(" " * 8):
             sections[-1].append(line.strip())

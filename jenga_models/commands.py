@@ -43,9 +43,11 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
             resume: take an interrupted training up.
         """
         from jenga_data.dataset.read import open_dataset
+
+        rows = open_dataset(dataset)  # a wrong name is refused before torch takes its seconds to import
         from jenga_models.train import train_selection
 
-        return show(train_selection(open_dataset(dataset), config, out, resume), json)
+        return show(train_selection(rows, config, out, resume), json)
 
     def dynamics(
         dataset: str,
@@ -64,9 +66,11 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
             resume: take an interrupted training up.
         """
         from jenga_data.dataset.read import open_dataset
+
+        rows = open_dataset(dataset)  # a wrong name is refused before torch takes its seconds to import
         from jenga_models.train import train_dynamics
 
-        return show(train_dynamics(open_dataset(dataset), config, out, resume), json)
+        return show(train_dynamics(rows, config, out, resume), json)
 
     return {"selection": selection, "dynamics": dynamics}
 
