@@ -99,7 +99,7 @@ def _report(loop: ClosedLoop, runs: list[tuple[EpisodeHeader, Result]], first: P
         "outcomes": {outcome.value: outcomes[outcome.value] for outcome in Outcome},
         "causes": dict(sorted(causes.items())),
         "median_disturbance_mm": float(np.median(moved) * 1e3) if moved else None,
-        "control_hz": _decision_rate(loop, first),
+        "control_hz": _decision_rate(loop, first) if loop.controller != "straight" else None,
         "switches": {},
         "model": loop.actor.checkpoint,
         "logs": str(first.parent),
