@@ -83,7 +83,8 @@ def test_set_points_and_their_velocities_are_continuous():
 def test_the_velocity_is_fed_forward():
     """The slides' force is k (command - x) - c v: a lead of c / k times the velocity takes the lag away."""
     parts = np.linspace(0, 1, 2001)
-    bare, full = (commands(*hand(c)[::-1], ACTIONS, parts) for c in (replace(CONFIG, mass=1e-18), CONFIG))
+    hands = [hand(config) for config in (replace(CONFIG, mass=1e-18), CONFIG)]
+    bare, full = (commands(gripper, world, ACTIONS, parts) for world, gripper in hands)
     speed = np.gradient(bare, PERIOD / 2000, axis=1)[:, 1:-1]
     lead = 2 * np.sqrt(CONFIG.mass / CONFIG.stiffness)
     np.testing.assert_allclose((full - bare)[:, 1:-1], lead * speed, atol=1e-6)
