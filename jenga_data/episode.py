@@ -1,7 +1,7 @@
 """One rollout in memory: what the simulator hands to the log, and what the log hands to everybody else."""
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, SupportsIndex
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -134,7 +134,7 @@ class Episode:
     phases: list[Phase]
     result: Result | None
 
-    def tower_state(self, frame: int) -> TowerState:
+    def tower_state(self, frame: SupportsIndex) -> TowerState:
         """The tower at `frame`, as the controller saw it."""
         return TowerState(self.header.blocks, self.header.layout, self.pose[frame], self.twist[frame])
 

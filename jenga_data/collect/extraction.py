@@ -129,7 +129,7 @@ def _scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Gripper]:
 def _holds(recording: Recording, gripper: Gripper) -> bool:
     """Whether the fingers are as far apart as the target is wide: on it, and not on air or on two blocks."""
     width = recording.world.blocks.size[recording.target, 1]
-    return abs(gripper.width - width) < _SLIP
+    return bool(abs(gripper.width - width) < _SLIP)
 
 
 def _pull(

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -134,12 +135,13 @@ def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out:
         for number in numbers:
             yield _work(rollout, seed, number, out)
         return
-    pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"), initializer=_ignore_interrupts)
+    pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"))
     queue, running = iter(numbers), set[Future[tuple[str, str]]]()
     try:
         while True:
             for number in queue:
-                running.add(pool.submit(_work, rollout, seed, number, out))
+                with _interrupts_held():
+                    running.add(pool.submit(_work, rollout, seed, number, out))
                 if len(running) >= 2 * workers:
                     break
             if not running:
@@ -166,11 +168,17 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.join()
 
 
-def _ignore_interrupts() -> None:
-    """Ctrl-C reaches every process of the terminal; the parent alone decides what it means."""
-    import signal
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Ctrl-C reaches every process of the terminal; the parent alone decides what it means.
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _work(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
@@ -213,7 +221,7 @@ def _check_recipe(path: Path, wanted: dict[str, object]) -> None:
             config_from_dict(found["config"])
         except (msgspec.DecodeError, KeyError, TypeError):
             raise JengaError(f"{path} is no recipe of a collection; choose another --out") from None
-        if found != msgspec.to_builtins(wanted):
+        if found != msgspec.json.decode(msgspec.json.encode(wanted)):  # JSON has lists where a config has tuples
             raise JengaError(
                 f"{path.parent} holds episodes of another configuration or seed (see {path.name}); choose another --out"
             )
