@@ -73,14 +73,23 @@ def test_step_means_take_what_comes_after_the_start():
     np.testing.assert_allclose(means[:, 0], [2.5, 4.0, 0.0])
 
 
+_NO_FRAMES = {
+    "time_ns": np.zeros(0, np.int64),
+    "pose": np.zeros((0, 6, 7)),
+    "twist": np.zeros((0, 6, 6)),
+    "sim_state": np.zeros((0, 1)),
+    "contacts": [],
+}
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"result": None}, "has no outcome"),
         ({"action_frame": np.array([1, 2, 3, 4])}, "between two of its 5 frames"),
         ({"action_frame": np.array([1, 1, 2, 3])}, "in order"),
-        ({"pose": np.zeros((5, 4, 7))}, "6 blocks"),
-        ({"pose": np.zeros((0, 6, 7))}, "has no frames"),
+        ({"pose": np.zeros((5, 4, 7)), "twist": np.zeros((5, 4, 6))}, "6 blocks"),
+        (_NO_FRAMES, "has no frames"),
     ],
 )
 def test_episodes_that_contradict_themselves_are_refused(episode_of, change, message):
