@@ -32,6 +32,8 @@ def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
     }[physics.integrator]
     option.impratio = physics.impratio
     option.sleep_tolerance = physics.sleep_tolerance
+    # MuJoCo answers numbers that are none with a silent reset: the tower would seem never to have moved.
+    option.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_AUTORESET)
     spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
     spec.worldbody.add_light(pos=[-0.5, -0.5, 1.5], dir=[0.3, 0.3, -1.0])
     spec.worldbody.add_geom(

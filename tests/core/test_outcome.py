@@ -91,10 +91,10 @@ def test_a_block_that_is_lifted_is_no_collapse():
     assert verdict(pose).outcome is Outcome.STUCK
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf])
-def test_numbers_that_are_none_are_invalid(value):
+@pytest.mark.parametrize(("value", "coordinate"), [(np.nan, 0), (np.nan, 5), (np.inf, 2), (np.inf, 5), (1e200, 0)])
+def test_numbers_that_are_none_or_beyond_all_bounds_are_invalid(value, coordinate):
     pose = frames()
-    pose[4, 3, 5] = value
+    pose[4:6, 3, coordinate] = value
     found = verdict(pose)
     assert found.outcome is Outcome.INVALID
     assert np.isnan(found.moved)
