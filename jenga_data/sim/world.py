@@ -2,7 +2,7 @@
 
 import mujoco
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from jenga_data.blocks import Blocks
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Contacts
@@ -29,7 +29,7 @@ class World:
         self._tree = self.model.body_treeid[[self.model.body(f"block_{i}").id for i in range(len(blocks))]]
         self._geom_id = _ids_of_geoms(self.model)
         self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
-        self._resting: tuple[Float[np.ndarray, "block 7"], Contacts] | None = None
+        self._rest: tuple[np.ndarray, np.ndarray, Contacts] | None = None
 
     def step(self, count: int = 1) -> None:
         mujoco.mj_step(self.model, self.data, nstep=count)
@@ -46,7 +46,10 @@ class World:
     @property
     def asleep(self) -> bool:
         """Whether every block sleeps."""
-        return bool((self.data.tree_asleep[self._tree] >= 0).all())
+        return bool(self._asleep().all())
+
+    def _asleep(self) -> Bool[np.ndarray, " block"]:
+        return self.data.tree_asleep[self._tree] >= 0
 
     @property
     def time_ns(self) -> int:
@@ -77,15 +80,25 @@ class World:
     def contacts(self) -> Contacts:
         """Touching pairs that involve a block, with the summed force that `second` exerts on `first`.
 
-        MuJoCo finds no contacts of what sleeps: those of a sleeping tower are what they would be if it woke up.
+        MuJoCo finds no contacts between what sleeps: those are what they would be if it woke up.
         """
-        if not self.asleep:
-            return self._contacts(self.data)
-        pose = self.pose
-        if self._resting is None or not np.array_equal(self._resting[0], pose):
-            self._resting = pose, self._contacts(self._awake())
-        resting = self._resting[1]
-        return Contacts(resting.first.copy(), resting.second.copy(), resting.force.copy())
+        found = self._contacts(self.data)
+        asleep = self._asleep()
+        if not asleep.any():
+            return found
+        resting = self._resting_contacts(asleep)
+        first, second = np.append(found.first, resting.first), np.append(found.second, resting.second)
+        order = np.lexsort((second, first))
+        return Contacts(first[order], second[order], np.concatenate([found.force, resting.force])[order])
+
+    def _resting_contacts(self, asleep: Bool[np.ndarray, " block"]) -> Contacts:
+        """Contacts between sleeping blocks and with the table, computed once for each time that they fall asleep."""
+        where = self.pose[asleep]
+        if self._rest is None or not (np.array_equal(self._rest[0], asleep) and np.array_equal(self._rest[1], where)):
+            every = self._contacts(self._awake())
+            among = asleep[every.first] & np.where(every.second >= 0, asleep[every.second], every.second == TABLE)
+            self._rest = asleep, where, Contacts(every.first[among], every.second[among], every.force[among])
+        return self._rest[2]
 
     def _awake(self) -> mujoco.MjData:
         """This moment, computed with nothing asleep."""

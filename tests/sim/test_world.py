@@ -221,6 +221,29 @@ def test_blocks_in_the_air_touch_nothing():
     assert len(contacts.first) == len(contacts.second) == len(contacts.force) == 0
 
 
+def test_a_tower_that_sleeps_while_a_block_beside_it_moves_keeps_its_contacts():
+    world = world_of(short_tower())
+    apart = world.layout.grid[-1, 2]
+    pose = world.pose
+    pose[apart, :3] = [0.0, 0.3, world.blocks.size[apart, 2] / 2]
+    world.set_tower(pose)
+    world.step(150)
+    world.allow_sleep(True)
+    while not world.asleep:
+        world.step(16)
+        assert world.time_ns < 5e9
+    every = world.contacts()
+    world.data.xfrc_applied[world.model.body(f"block_{apart}").id, 2] = 1.0
+    world.step(20)
+    assert not world.asleep
+    assert world.twist[apart, 2] > 0.1
+    moving = world.contacts()
+    in_tower = every.first != apart
+    np.testing.assert_array_equal(moving.first, every.first[in_tower])
+    np.testing.assert_array_equal(moving.second, every.second[in_tower])
+    np.testing.assert_array_equal(moving.force, every.force[in_tower])
+
+
 def test_a_sleeping_tower_has_the_contacts_that_it_had_awake():
     world = world_of(short_tower())
     world.step(150)
