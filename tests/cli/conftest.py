@@ -2,12 +2,11 @@
 
 import warnings
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 import torch
-from jenga_runs import CHEAP_CLOSED_LOOP, COLLECT, Ran, jenga
+from jenga_runs import COLLECT, Made, cheap_closed_loop, jenga
 
 with (
     warnings.catch_warnings()
@@ -16,14 +15,6 @@ with (
     import torch_geometric.nn  # noqa: F401
 
 torch.set_num_threads(1)
-
-
-@dataclass(frozen=True)
-class Made:
-    """A folder that a command line made, and what that said."""
-
-    path: Path
-    ran: Ran
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -80,14 +71,10 @@ def simulator(folder: Path, dynamics: Made) -> Made:
 @pytest.fixture(scope="session")
 def closed_loop(folder: Path, simulator: Made) -> Made:
     """One tower pulled in three ways."""
-    import jenga_control.evaluate_extraction as module
-
     out = folder / "closed-loop"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(module, "ExtractionConfig", module.ExtractionConfig)  # put back what the next line replaces
-        exec(CHEAP_CLOSED_LOOP, {})
-        ways = ("--objective", "full", "naive", "straight", "--workers", 1)
-        return _made(out, "eval", "extraction", "--model", simulator.path, "--towers", 1, "--out", out, "--json", *ways)
+    ways = ("--objective", "full", "naive", "straight", "--workers", 1)
+    with cheap_closed_loop():
+        return _made(out, "eval", "extraction", "--model", simulator.path, "--towers", 1, *ways, "--out", out, "--json")
 
 
 def _trained(kind: str, dataset: Made, out: Path) -> Made:

@@ -40,6 +40,16 @@ module.ExtractionConfig = cheap
 """Code that gives `jenga eval extraction` the same physics; it has no options for them."""
 
 
+@contextmanager
+def cheap_closed_loop() -> Iterator[None]:
+    """The same in this process."""
+    import jenga_control.evaluate_extraction as module
+
+    with patch.object(module, "ExtractionConfig", module.ExtractionConfig):  # puts back what the next line replaces
+        exec(CHEAP_CLOSED_LOOP, {})
+        yield
+
+
 @dataclass(frozen=True)
 class Ran:
     """What a run left in the terminal."""
@@ -65,6 +75,14 @@ class Ran:
         return self.err[:-1]
 
 
+@dataclass(frozen=True)
+class Made:
+    """A folder that a command line made, and what that said."""
+
+    path: Path
+    ran: Ran
+
+
 def jenga(*args: object) -> Ran:
     """Run a command line in this process. An exception that would be a traceback is one here too."""
     out, err = io.StringIO(), io.StringIO()
@@ -79,13 +97,7 @@ def jenga(*args: object) -> Ran:
 @contextmanager
 def started(*args: object, before: str = "", **options: Any) -> Iterator[subprocess.Popen[str]]:
     """The program as the leader of a process group of its own, after the code `before` if there is any."""
-    program = ["/tmp/cl/jenga"]
-    if before:
-        program = [
-            sys.executable,
-            "-c",
-            f'import sys; sys.path.insert(0, "/tmp/cl/clone")\n{before}\nimport cli\ncli.main()',
-        ]
+    program = [sys.executable, "-c", f"{before}\nimport cli\ncli.main()"]
     options = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, **options}
     process = subprocess.Popen([*program, *map(str, args)], start_new_session=True, **options)
     try:

@@ -5,8 +5,7 @@ import os
 import shutil
 from pathlib import Path
 
-from conftest import Made
-from jenga_runs import CHEAP_CLOSED_LOOP, COLLECT, Ran, contents, interrupted_when, jenga
+from jenga_runs import CHEAP_CLOSED_LOOP, COLLECT, Made, Ran, cheap_closed_loop, contents, interrupted_when, jenga
 
 LINE = "jenga: interrupted; what was finished is kept"
 
@@ -97,7 +96,7 @@ def test_convert(dynamics: Made, extraction_logs: Made, tmp_path):
 
 def test_train(selection: Made, tmp_path):
     out, undisturbed = tmp_path / "model", tmp_path / "undisturbed"
-    args = ("train", "selection", "--dataset", selection.path, "--preset", "fast", "--epochs", 8)
+    args = ("train", "selection", "--dataset", selection.path, "--preset", "fast", "--epochs", 5)
     metrics = out / "metrics.csv"
     second_epoch = lambda: metrics.exists() and metrics.read_text().count("\n") == 3  # noqa: E731
     was_interrupted(interrupted_when(second_epoch, *args, "--out", out, before=SLOW_TRAINING))
@@ -118,8 +117,12 @@ def test_eval_extraction(closed_loop: Made, tmp_path):
     shutil.copytree(closed_loop.path / "naive", out / "naive")
     naive, straight = contents(out), out / "straight"
     args = ("eval", "extraction", "--objective", "naive", "straight", "--towers", 1, "--out", out)
-    args += ("--workers", 1)
     begun = lambda: bool(list(straight.glob("*.partial")))  # noqa: E731
     was_interrupted(interrupted_when(begun, *args, before=CHEAP_CLOSED_LOOP))
     assert not list(straight.glob("*.mcap"))
+    assert contents(out).items() >= naive.items()
+
+    with cheap_closed_loop():
+        assert jenga(*args, "--workers", 1, "--json").object()["success"]["n"] == 1
+    assert contents(straight, "*.mcap") == contents(closed_loop.path / "straight", "*.mcap")
     assert contents(out).items() >= naive.items()

@@ -3,8 +3,7 @@
 import json
 import subprocess
 
-from conftest import Made
-from jenga_runs import COLLECT, jenga, run_apart, started
+from jenga_runs import COLLECT, Made, jenga, run_apart, started
 
 from jenga_data.dataset.verify import CHECKS
 

@@ -7,8 +7,7 @@ import resource
 from pathlib import Path
 
 import pytest
-from conftest import Made
-from jenga_runs import COLLECT, contents, jenga, run_apart
+from jenga_runs import COLLECT, Made, contents, jenga, run_apart
 
 
 def limit(size: int):
