@@ -1,5 +1,6 @@
 """The whole loop once, small: simulate, log, convert, train, evaluate, control, replay. What `jenga demo` runs."""
 
+import shlex
 import sys
 from dataclasses import dataclass
 from pathlib import Path
@@ -131,6 +132,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
 
 def closing_words(result: dict[str, Any]) -> str:
     """Where everything is, and what to try next."""
+    model = shlex.quote(result["checkpoints"]["dynamics"])
     return "\n".join(
         [
             "",
@@ -138,9 +140,10 @@ def closing_words(result: dict[str, Any]) -> str:
             f"  {result['index']}",
             "",
             "Try next:",
-            f"  jenga replay {result['episode']} --model {result['checkpoints']['dynamics']}",
+            f"  jenga replay {shlex.quote(result['episode'])} --model {model}",
             "  jenga collect selection --episodes 200 --seed 1 --workers 2 --out runs/selection",
-            f"  jenga train selection --dataset {result['datasets']['selection']} --preset paper --out runs/paper",
+            f"  jenga train selection --dataset {shlex.quote(result['datasets']['selection'])} --preset paper "
+            "--out runs/paper",
         ]
     )
 

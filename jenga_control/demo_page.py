@@ -1,5 +1,6 @@
 """The page that shows what a demo made, without a server."""
 
+import shlex
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -88,7 +89,7 @@ def _control(r: DemoResults) -> Section:
             ),
             Table(head, rows, "The same towers and targets for every way to pull."),
             Code(
-                f"jenga replay {r.episode} --model {r.checkpoints[1]}",
+                shlex.join(["jenga", "replay", str(r.episode), "--model", str(r.checkpoints[1])]),
                 "Open this pull in rerun, the model's prediction as a ghost over the truth",
             ),
         ],
