@@ -221,6 +221,8 @@ def _check_recipe(path: Path, wanted: dict[str, object]) -> None:
             config_from_dict(found["config"])
         except (msgspec.DecodeError, KeyError, TypeError):
             raise JengaError(f"{path} is no recipe of a collection; choose another --out") from None
+        except JengaError as error:
+            raise JengaError(f"{path}: {error}; choose another --out") from None
         if found != msgspec.json.decode(msgspec.json.encode(wanted)):  # JSON has lists where a config has tuples
             raise JengaError(
                 f"{path.parent} holds episodes of another configuration or seed (see {path.name}); choose another --out"
