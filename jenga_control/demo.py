@@ -11,7 +11,7 @@ from jenga_control.demo_page import DemoResults, write_demo_page
 from jenga_control.evaluate_dynamics import evaluate_dynamics
 from jenga_control.evaluate_extraction import evaluate_extraction
 from jenga_control.evaluate_selection import evaluate_selection
-from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables, write_report
+from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables
 from jenga_data.agreement import edge_agreement
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig
 from jenga_data.collect.workers import collect
@@ -23,6 +23,7 @@ from jenga_data.log.reader import read_episode
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.picture import film_strip, tower_grid
 from jenga_data.replay.rerun_adapter import write_rrd
+from jenga_data.report import write_report
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS
 from jenga_models.overlay import overlay
 from jenga_models.train import train_dynamics, train_selection

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from jenga_control.page import Code, Figure, Files, KeyFigure, Page, Section, Table, write_page
-from jenga_control.tables import number, with_interval
 from jenga_data.agreement import Agreement
 from jenga_data.collect.workers import CollectSummary
 from jenga_data.dataset.manifest import Manifest
+from jenga_data.report import number, with_interval
 
 
 @dataclass(frozen=True)

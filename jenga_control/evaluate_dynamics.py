@@ -12,8 +12,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
 from jenga_control.dynamics import target_moves
-from jenga_control.statistics import ratio_bootstrap
 from jenga_data.errors import JengaError
+from jenga_data.statistics import ratio_bootstrap
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows, dataset_name
 from jenga_models.metrics import predict_dynamics, rollout_dynamics, windows

@@ -12,13 +12,13 @@ import numpy as np
 from jenga_control.cost import CostConfig
 from jenga_control.extraction import CONTROLLERS, ClosedLoop
 from jenga_control.mppi import mppi_preset
-from jenga_control.statistics import Proportion, paired_difference
 from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig, episode_key
 from jenga_data.collect.workers import run_episodes
 from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode, read_header
 from jenga_data.outcome import Outcome
+from jenga_data.statistics import Proportion, paired_difference
 from jenga_models.checkpoint import load
 
 TIMED_DECISIONS = 20

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jenga_control.statistics import (
+from jenga_data.errors import JengaError
+from jenga_data.statistics import (
     auroc,
     brier,
     expected_calibration_error,
@@ -15,7 +16,6 @@ from jenga_control.statistics import (
     proportion_over_towers,
     tower_bootstrap,
 )
-from jenga_data.errors import JengaError
 from jenga_data.tower import CENTRE
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows, dataset_name

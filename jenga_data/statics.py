@@ -3,7 +3,7 @@
 Each block is rigid and may sink, roll and pitch by small amounts; blocks touch through stiff unilateral springs
 at the corners of the areas in which they overlap. The equilibrium is the minimum of a convex energy
 
-    E(q) = sum_i m_i g z_i + k/2 sum_c max(0, -gap_c(q))^2,
+    E(q) = sum_i m_i g z_i + sum_c U_c(max(0, -gap_c(q))),    U_c' the normal force of a contact (`ContactLaw`),
 
 found by Newton's method. Where the energy has no minimum near the start, the tower does not stand: the centre of
 mass of some part of it lies outside its support.
@@ -16,11 +16,14 @@ from jaxtyping import Float, Int
 from scipy.linalg import solveh_banded
 
 from jenga_data.blocks import GRAVITY, Blocks
+from jenga_data.contact_law import ContactLaw
 from jenga_data.tower import Layout
 
 _TABLE = -1
 _BALANCED = 1e-6
 """Largest force [N] or torque [N m] left over at which a block counts as balanced."""
+_DEEP = 1e-4
+"""A contact sinks by less [m]: its stiffness there sets the scale."""
 _MAX_TILT = 0.06
 """A block that leans by more [rad] has lost its support: heights within a level differ by at most 0.7 mm, and so do
 the heights of a block's supports, which are at least 12 mm apart."""
@@ -57,39 +60,39 @@ def solve(
     blocks: Blocks,
     layout: Layout,
     planar: PlanarPose,
-    stiffness: float,
+    law: ContactLaw,
     without: int | None = None,
     iterations: int = 60,
 ) -> Equilibrium:
     """Find the equilibrium of a tower.
 
     Args:
-        stiffness: spring of a contact corner over the effective mass m1 m2 / (m1 + m2) of its two blocks [1/s^2],
-            `PhysicsConfig.contact_stiffness`, so that a computed tower is at rest when it is simulated.
+        law: force of a contact corner, `PhysicsConfig.contact_law`, so that a computed tower is at rest when it is
+            simulated.
         without: a block to leave out, as if it had been taken away.
     """
     stacked = _stack_heights(blocks, layout)
     gaps = _gap_model(blocks, planar, layout, _contact_corners(blocks, layout, planar, without), stacked)
-    spring = stiffness * _effective_mass(blocks, gaps)
+    mass = _effective_mass(blocks, gaps)
     weight = np.zeros((len(blocks), 3))
     weight[:, 0] = blocks.mass * GRAVITY
     if without is not None:
         weight[without] = 0.0
     weight = weight[gaps.order].ravel()
     # A block that is left out, and directions that no contact holds, stay where they are.
-    ridge = np.tile([1e-6, 1e-9, 1e-9], len(blocks)) * spring.max(initial=1.0)
+    ridge = np.tile([1e-6, 1e-9, 1e-9], len(blocks)) * max(1.0, law.stiffness(np.array([_DEEP]))[0])
 
     q = np.zeros(3 * len(blocks))
     for _ in range(iterations):
-        sink = np.maximum(0.0, -gaps.at(q))
-        gradient = weight - gaps.transposed(spring * sink)
+        gap = gaps.at(q)
+        gradient = weight - gaps.transposed(mass * law.force(-gap))
         if np.abs(gradient).max() < _BALANCED:
             break
-        step = -solveh_banded(gaps.hessian(spring * (sink > 0), ridge), gradient, lower=True)
-        q = q + step * _line_search(gaps.at(q), gaps.slope(step), float(weight @ step), spring)
+        step = -solveh_banded(gaps.hessian(mass * law.stiffness(-gap), ridge), gradient, lower=True)
+        q = q + step * _line_search(gap, gaps.slope(step), float(weight @ step), law, mass)
 
-    sink = np.maximum(0.0, -gaps.at(q))
-    at_rest = np.abs(weight - gaps.transposed(spring * sink)).max() < 100 * _BALANCED
+    force = mass * law.force(-gaps.at(q))
+    at_rest = np.abs(weight - gaps.transposed(force)).max() < 100 * _BALANCED
     pose = np.empty((len(blocks), 3))
     pose[gaps.order] = q.reshape(-1, 3)
     return Equilibrium(
@@ -98,7 +101,7 @@ def solve(
         pitch=pose[:, 2],
         upper=gaps.upper,
         lower=gaps.lower,
-        force=spring * sink,
+        force=force,
         stands=bool(at_rest and np.abs(pose[:, 1:]).max() < _MAX_TILT),
     )
 
@@ -113,12 +116,13 @@ def _line_search(
     gap: Float[np.ndarray, " contact"],
     gap_slope: Float[np.ndarray, " contact"],
     work: float,
-    spring: Float[np.ndarray, " contact"],
+    law: ContactLaw,
+    mass: Float[np.ndarray, " contact"],
 ) -> float:
-    """The step in (0, 1] at which the piecewise quadratic energy is least, by bisection on its slope."""
+    """The step in (0, 1] at which the convex energy is least, by bisection on its slope."""
 
     def slope(t: float) -> float:
-        return work - float((spring * np.maximum(0.0, -(gap + t * gap_slope))) @ gap_slope)
+        return work - float((mass * law.force(-(gap + t * gap_slope))) @ gap_slope)
 
     low, high = 0.0, 1.0
     if slope(high) <= 0:

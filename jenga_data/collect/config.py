@@ -29,13 +29,12 @@ class SpawnConfig:
     yaw_sigma: float = 0.002
     """Error of a block's direction when it is put down [rad]."""
     load_limit: float = 3.0
-    """A player takes no block on which more than this weight rests [N]: friction holds it above and below."""
-    settle: float = 0.256
-    """Time awake to come to rest before anything is judged [s]."""
+    """A player takes no block on which more than this weight rests [N]: friction holds it above and below. A third of
+    a fresh tower's weight on its lowest level is 3.4 N."""
+    settle: float = 0.064
+    """Time to come to rest before anything is judged [s]; a tower is put near its computed equilibrium."""
     stand: float = 2.0
-    """Time over which the tower must then stand by itself [s]."""
-    awake: float = 0.256
-    """The first part of that time [s], in which it may not fall asleep."""
+    """Time over which the tower must then stand by itself [s]; it is watched until it is at rest."""
     creep_allowance: float = 0.002
     """No block may move by more in that time [m]."""
     tries: int = 20

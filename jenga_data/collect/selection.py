@@ -1,13 +1,16 @@
 """Selection rollouts: pull a random legal target with a servo and see whether the tower fails (paper, section II-B)."""
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+
 import numpy as np
 
 from jenga_data.collect.config import SelectionConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.observe import observe
-from jenga_data.collect.recording import Recording
+from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.rollout import OpenLog, header_of
-from jenga_data.collect.stage import set_stage
+from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.episode import CONTROL_STEP_NS, Result
 from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.servo import BlockServo
@@ -20,15 +23,32 @@ _AWAY = 0.05
 def run_selection(config: SelectionConfig, seed: int, number: int, open_log: OpenLog) -> Result:
     """Run one rollout and log it."""
     stage = set_stage(config, seed, number)
+    header = header_of(config, seed, number, stage)
+    return pull(config, stage, episode_rng(seed, number, "noise"), lambda xml: open_log(header, xml))
+
+
+def pull(
+    config: SelectionConfig,
+    stage: Stage,
+    noise: np.random.Generator,
+    open_log: Callable[[str], AbstractContextManager[Recorder]],
+    sleep: bool = True,
+) -> Result:
+    """Pull the target of a stage and see what becomes of the tower.
+
+    Args:
+        noise: draws the speeds along y and z.
+        open_log: given the scene's MJCF.
+        sleep: whether the tower may sleep once it is at rest after the pull.
+    """
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
     world = World(spec, stage.blocks, stage.layout)
     limits = np.array([config.force_limit, config.side_force_limit, config.side_force_limit])
     servo = BlockServo(world, stage.target, config.gains, limits)
-    noise = episode_rng(seed, number, "noise")
     period = CONTROL_STEP_NS * 1e-9
 
-    with open_log(header_of(config, seed, number, stage), xml_with_start(spec, world.data)) as log:
+    with open_log(xml_with_start(spec, world.data)) as log:
         recording = Recording(world, log, stage.target)
         recording.phase("pull")
         for _ in range(round(config.pull_seconds / period)):
@@ -47,5 +67,5 @@ def run_selection(config: SelectionConfig, seed: int, number: int, open_log: Ope
         if recording.clear_frame() < 0:
             servo.let_go()
         recording.phase("observe")
-        observe(recording, config.physics, lambda _: servo.step())
+        observe(recording, config.physics, lambda _: servo.step(), sleep)
         return recording.finish()

@@ -1,15 +1,18 @@
 """Setting the stage of an episode: a tower that stands by itself in the simulator, its target turned along x."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
 from jenga_data.blocks import Blocks
-from jenga_data.collect.config import CollectConfig, ExtractionConfig
+from jenga_data.collect.config import CollectConfig, ExtractionConfig, SpawnConfig
 from jenga_data.collect.draws import episode_rng
+from jenga_data.collect.rest import at_rest
 from jenga_data.collect.spawn import GrownTower, grow_tower, shifted
 from jenga_data.errors import JengaError
+from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
 from jenga_data.tower import Layout, TowerState, quarter_turns_for
@@ -33,6 +36,12 @@ class Stage:
     def layout(self) -> Layout:
         return self.state.layout
 
+    @classmethod
+    def of(cls, standing: TowerState, target: int, face: int, tries: int = 1) -> "Stage":
+        """Turn a tower so that `face` of `target` is at -x."""
+        turn = quarter_turns_for(standing.layout, target, face)
+        return cls(standing.turned(turn), target, turn, face, tries)
+
 
 def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
     """Grow towers of a random round until one stands in the simulator, with a legal target and its face drawn.
@@ -42,41 +51,76 @@ def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
     Raises:
         JengaError: no tower stood in `spawn.tries` tries.
     """
-    spawn, stiffness = config.spawn, config.physics.contact_stiffness
+    spawn = config.spawn
     round_number = int(episode_rng(seed, number, "round").integers(spawn.first_round, spawn.last_round + 1))
-    rng, choice = episode_rng(seed, number, "tower"), episode_rng(seed, number, "target")
-    for tries in range(1, spawn.tries + 1):
-        grown = grow_tower(spawn, stiffness, round_number, rng)
-        if grown is None:
-            continue
+    choice = episode_rng(seed, number, "target")
+    chosen: list[tuple[int, int]] = []
+
+    def prepare(grown: GrownTower) -> GrownTower | None:
         target, face = int(choice.choice(grown.layout.legal_targets())), int(choice.integers(2))
+        chosen.append((target, face))
         if isinstance(config, ExtractionConfig):
-            grown = shifted(grown, target, config.sticks_out * (1 if face else -1), stiffness)
-        pose = _standing_pose(config, grown) if grown is not None else None
-        if grown is not None and pose is not None:
-            turn = quarter_turns_for(grown.layout, target, face)
-            state = TowerState(grown.blocks, grown.layout, pose, np.zeros((len(grown.blocks), 6)))
-            return Stage(state.turned(turn), target, turn, face, tries)
+            return shifted(grown, target, config.sticks_out * (1 if face else -1), config.physics.contact_law)
+        return grown
+
+    state, tries = standing_tower(
+        spawn,
+        config.physics,
+        round_number,
+        episode_rng(seed, number, "tower"),
+        prepare,
+        f"seed {seed}, number {number}",
+    )
+    return Stage.of(state, *chosen[-1], tries)
+
+
+def standing_tower(
+    spawn: SpawnConfig,
+    physics: PhysicsConfig,
+    round_number: int,
+    rng: np.random.Generator,
+    prepare: Callable[[GrownTower], GrownTower | None] = lambda grown: grown,
+    name: str = "",
+) -> tuple[TowerState, int]:
+    """Grow towers until one stands in the simulator, and how many tries that took.
+
+    Args:
+        prepare: what to do with a grown tower before it has to stand, None where that cannot be done.
+
+    Raises:
+        JengaError: none stood in `spawn.tries` tries; `name` says whose they were.
+    """
+    for tries in range(1, spawn.tries + 1):
+        grown = grow_tower(spawn, physics.contact_law, round_number, rng)
+        ready = None if grown is None else prepare(grown)
+        pose = None if ready is None else standing_pose(spawn, physics, ready)
+        if ready is not None and pose is not None:
+            return TowerState(ready.blocks, ready.layout, pose, np.zeros((len(ready.blocks), 6))), tries
     raise JengaError(
-        f"seed {seed}, number {number}: no tower of round {round_number} stood in {spawn.tries} tries; "
+        f"{name}: no tower of round {round_number} stood in {spawn.tries} tries; "
         "raise spawn.tries or spawn.creep-allowance"
     )
 
 
-def _standing_pose(config: CollectConfig, tower: GrownTower) -> Float[np.ndarray, "block 7"] | None:
-    """Where the blocks come to rest, or None if something moves by more than the creep allowance."""
-    spec = base_spec(config.physics)
-    add_tower(spec, tower.blocks, tower.pose, target=-1, physics=config.physics)
+def standing_pose(
+    spawn: SpawnConfig, physics: PhysicsConfig, tower: GrownTower, sleep: bool = True
+) -> Float[np.ndarray, "block 7"] | None:
+    """Where the blocks come to rest, or None if something moves by more than the creep allowance.
+
+    Args:
+        sleep: whether the tower may sleep once it is at rest; it then moves no more, and is not watched any longer.
+    """
+    spec = base_spec(physics)
+    add_tower(spec, tower.blocks, tower.pose, target=-1, physics=physics)
     world = World(spec, tower.blocks, tower.layout)
-    frame = config.physics.steps_a_frame * config.physics.timestep_ns * 1e-9
-    for _ in range(round(config.spawn.settle / frame)):
-        world.step(config.physics.steps_a_frame)
-    settled = world.pose
-    for watched in range(round(config.spawn.stand / frame)):
-        world.allow_sleep(watched >= round(config.spawn.awake / frame))
-        world.step(config.physics.steps_a_frame)
-        if np.linalg.norm(world.pose[:, :3] - settled[:, :3], axis=1).max() > config.spawn.creep_allowance:
+    frame = physics.steps_a_frame * physics.timestep_ns * 1e-9
+    world.step(round(spawn.settle / frame) * physics.steps_a_frame)
+    poses = [world.pose]
+    for _ in range(round(spawn.stand / frame)):
+        world.step(physics.steps_a_frame)
+        poses.append(world.pose)
+        if not np.linalg.norm(poses[-1][:, :3] - poses[0][:, :3], axis=1).max() <= spawn.creep_allowance:
             return None
-        if world.asleep:
+        if sleep and at_rest(poses):
             break
     return world.pose

@@ -1,9 +1,13 @@
 """How the simulation is set up: frozen records, stored with every episode. Light to import, for the command line."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from jenga_data.clock import CONTROL_STEP_NS, TOUCH_STEP_NS
 from jenga_data.errors import JengaError
+
+if TYPE_CHECKING:
+    from jenga_data.contact_law import ContactLaw
 
 
 @dataclass(frozen=True)
@@ -14,16 +18,21 @@ class PhysicsConfig:
     """Physics step [ns]; must divide the 4 ms between two touch samples."""
     integrator: str = "implicitfast"
     """MuJoCo integrator: discrete or implicitfast."""
-    impratio: float = 3.0
+    impratio: float = 5.0
     """Ratio of frictional to normal constraint impedance; higher creeps less."""
     friction: float = 0.3
     """Sliding friction of wood on wood and on the table; public simulators use 0.3 to 0.5."""
-    time_constant: float = 0.01
+    time_constant: float = 0.004
     """Time constant of a contact [s], MuJoCo's solref[0]."""
-    damping_ratio: float = 2.0
+    damping_ratio: float = 4.0
     """Damping ratio of a contact, MuJoCo's solref[1]."""
-    impedance: float = 0.995
-    """Constraint impedance (MuJoCo's solimp, constant over penetration, so that contacts are linear springs)."""
+    touch_impedance: float = 0.9
+    """Constraint impedance of a contact that just touches, MuJoCo's solimp[0]: low, so that contacts come and go
+    softly. With a constant impedance loose blocks rattle and creep, and the solver takes twice the iterations."""
+    impedance: float = 0.999
+    """Constraint impedance of a contact that is loaded, MuJoCo's solimp[1]."""
+    impedance_width: float = 7e-5
+    """Depth over which one grows into the other [m], MuJoCo's solimp[2]."""
     sleep_tolerance: float = 1e-2
     """Speed below which a tower that may sleep falls asleep (MuJoCo's own measure, about m/s)."""
 
@@ -36,18 +45,19 @@ class PhysicsConfig:
             raise JengaError(f"physics.integrator is {self.integrator!r}; allowed: discrete, implicitfast")
         if self.friction <= 0 or self.impratio <= 0:
             raise JengaError("physics.friction and physics.impratio must be positive")
-        if not 0 < self.impedance < 1:
-            raise JengaError(f"physics.impedance is {self.impedance}; allowed: between 0 and 1, e.g. 0.995")
+        if not 0 < self.touch_impedance <= self.impedance < 1:
+            raise JengaError(
+                f"physics.touch-impedance is {self.touch_impedance}, physics.impedance is {self.impedance}; "
+                "allowed: 0 < touch-impedance <= impedance < 1, e.g. 0.9 and 0.999"
+            )
 
     @property
-    def contact_stiffness(self) -> float:
-        """Spring constant of a contact point over the effective mass of the two bodies [1/s^2].
+    def contact_law(self) -> "ContactLaw":
+        """What these settings make of a contact at rest."""
+        from jenga_data.contact_law import ContactLaw
 
-        At rest a constraint's force f obeys R f = k r with R = (1 - d) / d * (1/m1 + 1/m2) and
-        k = 1 / (d * time_constant * damping_ratio)^2 (MuJoCo, "Computation", constraint model).
-        """
-        d = self.impedance
-        return d / (1 - d) / (d * self.time_constant * self.damping_ratio) ** 2
+        rate = 1 / (self.impedance * self.time_constant * self.damping_ratio) ** 2
+        return ContactLaw(rate, self.touch_impedance, self.impedance, self.impedance_width)
 
     @property
     def steps_a_frame(self) -> int:

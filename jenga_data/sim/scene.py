@@ -53,7 +53,7 @@ def wood_contact(physics: PhysicsConfig) -> dict[str, object]:
         "condim": 3,
         "friction": [physics.friction, 0.005, 0.0001],
         "solref": [physics.time_constant, physics.damping_ratio],
-        "solimp": [physics.impedance, physics.impedance, 0.001, 0.5, 2.0],
+        "solimp": [physics.touch_impedance, physics.impedance, physics.impedance_width, 0.5, 2.0],
     }
 
 

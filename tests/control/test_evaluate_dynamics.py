@@ -15,8 +15,9 @@ from jenga_control.evaluate_dynamics import (
     horizon_report,
     rotation_angle,
 )
-from jenga_control.tables import dynamics_tables, to_json
+from jenga_control.tables import dynamics_tables
 from jenga_data.errors import JengaError
+from jenga_data.report import to_json
 from jenga_models.checkpoint import load
 from jenga_models.config import DynamicsTraining
 

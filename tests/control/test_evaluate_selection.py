@@ -6,8 +6,9 @@ from made_up_dataset import dynamics_dataset, selection_dataset, untrained
 
 from jenga_control import evaluate_selection as module
 from jenga_control.evaluate_selection import Pulls, baseline_predictions, evaluate_selection, selection_report
-from jenga_control.tables import selection_tables, to_json
+from jenga_control.tables import selection_tables
 from jenga_data.errors import JengaError
+from jenga_data.report import to_json
 from jenga_models.config import SelectionTraining
 
 

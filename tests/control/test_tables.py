@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from jenga_control.statistics import Proportion, proportion_over_towers
-from jenga_control.tables import extraction_tables, markdown_table, number, to_json, with_interval, write_report
+from jenga_control.tables import extraction_tables
+from jenga_data.report import markdown_table, number, to_json, with_interval, write_report
+from jenga_data.statistics import Proportion, proportion_over_towers
 
 
 @pytest.mark.parametrize(

@@ -5,10 +5,12 @@ import pytest
 from nominal_tower import layout_of, nominal_blocks, stacked_poses
 
 from jenga_data.blocks import GRAVITY, NOMINAL_SIZE, Blocks, sample_blocks
+from jenga_data.contact_law import ContactLaw
 from jenga_data.statics import Equilibrium, PlanarPose, solve
 from jenga_data.tower import Layout
 
 STIFFNESS = 5e5
+LAW = ContactLaw.linear(STIFFNESS)
 LENGTH, WIDTH, HEIGHT = NOMINAL_SIZE
 
 
@@ -34,7 +36,7 @@ def nominal(*levels: str, shift: dict[int, tuple[float, float]] | None = None) -
     planar = planar_of(layout)
     for block, by in (shift or {}).items():
         planar.xy[block] += by
-    return solve(nominal_blocks(len(planar.yaw)), layout, planar, STIFFNESS)
+    return solve(nominal_blocks(len(planar.yaw)), layout, planar, LAW)
 
 
 def carried(equilibrium: Equilibrium, block: int) -> float:
@@ -48,7 +50,7 @@ def carried(equilibrium: Equilibrium, block: int) -> float:
 @pytest.mark.parametrize(("seed", "moves"), [(0, 0), (1, 0), (2, 1), (3, 2)])
 def test_each_block_is_balanced_and_the_table_carries_the_tower(seed, moves):
     blocks, layout, planar = measured_tower(seed, moves=moves)
-    equilibrium = solve(blocks, layout, planar, STIFFNESS)
+    equilibrium = solve(blocks, layout, planar, LAW)
     assert equilibrium.stands
     assert equilibrium.force.min() >= 0
     for block, mass in enumerate(blocks.mass):
@@ -58,7 +60,7 @@ def test_each_block_is_balanced_and_the_table_carries_the_tower(seed, moves):
 
 def test_contacts_join_a_level_with_the_one_below():
     blocks, layout, planar = measured_tower(4)
-    equilibrium = solve(blocks, layout, planar, STIFFNESS)
+    equilibrium = solve(blocks, layout, planar, LAW)
     below = np.where(equilibrium.lower == -1, -1, layout.level[equilibrium.lower])
     np.testing.assert_array_equal(layout.level[equilibrium.upper], below + 1)
 
@@ -69,7 +71,7 @@ def test_two_narrow_supports_share_a_load_by_the_lever_rule(shift):
     blocks = Blocks(np.array([[LENGTH, 0.0005, HEIGHT]] * 2 + [list(NOMINAL_SIZE)]), np.full(3, 0.02))
     planar = planar_of(layout)
     planar.xy[2, 1] += shift
-    equilibrium = solve(blocks, layout, planar, STIFFNESS)
+    equilibrium = solve(blocks, layout, planar, LAW)
     arm = abs(planar.xy[1, 1])
     right = 0.02 * GRAVITY * (arm + shift) / (2 * arm)
     assert equilibrium.stands
@@ -80,7 +82,7 @@ def test_two_narrow_supports_share_a_load_by_the_lever_rule(shift):
 def test_masses_ten_times_as_heavy_press_ten_times_as_hard_and_lie_where_they_lay():
     """Springs are in proportion to the masses, as MuJoCo's contacts are."""
     blocks, layout, planar = measured_tower(5, levels=4)
-    light, heavy = (solve(replace(blocks, mass=blocks.mass * k), layout, planar, STIFFNESS) for k in (1, 10))
+    light, heavy = (solve(replace(blocks, mass=blocks.mass * k), layout, planar, LAW) for k in (1, 10))
     np.testing.assert_allclose(heavy.force, 10 * light.force, atol=1e-4)
     np.testing.assert_allclose(heavy.z, light.z, atol=1e-8)
 
@@ -100,7 +102,7 @@ def test_nominal_blocks_lie_level_on_each_other():
 def test_stiffer_contacts_sink_in_proportion_less():
     layout = layout_of("xxx", "xxx")
     blocks, planar = nominal_blocks(6), planar_of(layout)
-    soft, stiff = (solve(blocks, layout, planar, k).z for k in (STIFFNESS, 4 * STIFFNESS))
+    soft, stiff = (solve(blocks, layout, planar, ContactLaw.linear(k)).z for k in (STIFFNESS, 4 * STIFFNESS))
     flat = (layout.level + 0.5) * HEIGHT
     np.testing.assert_allclose(flat - soft, 4 * (flat - stiff), rtol=1e-3)
 
@@ -111,7 +113,7 @@ def test_a_block_on_supports_of_different_height_leans_to_the_lower_one():
     blocks = nominal_blocks(3)
     size = blocks.size.copy()
     size[1, 2] += 0.0004  # the support at +y
-    equilibrium = solve(replace(blocks, size=size), layout, planar_of(layout), STIFFNESS)
+    equilibrium = solve(replace(blocks, size=size), layout, planar_of(layout), LAW)
     inner_edge, far_end = WIDTH / 2 + 0.0002, -LENGTH / 2
     assert equilibrium.roll[2] == pytest.approx(0.0004 / (inner_edge - far_end), rel=0.05)
     assert abs(equilibrium.pitch[2]) < 1e-6
@@ -120,12 +122,12 @@ def test_a_block_on_supports_of_different_height_leans_to_the_lower_one():
 def test_a_taller_block_carries_more_than_its_neighbours():
     layout = layout_of("xxx", "xxx", "xxx")
     blocks, planar = nominal_blocks(9), planar_of(layout)
-    even = solve(blocks, layout, planar, STIFFNESS)
+    even = solve(blocks, layout, planar, LAW)
     loads = []
     for taller in (0.0, 0.00001, 0.0001):
         size = blocks.size.copy()
         size[1, 2] += taller
-        loads.append(solve(replace(blocks, size=size), layout, planar, STIFFNESS).load_on(1))
+        loads.append(solve(replace(blocks, size=size), layout, planar, LAW).load_on(1))
     assert loads[0] == pytest.approx(even.load_on(1))
     assert loads[0] < loads[1] < loads[2] <= 6 * blocks.mass[0] * GRAVITY + 1e-6
 
@@ -172,7 +174,7 @@ def test_a_block_that_leans_more_than_heights_differ_does_not_stand():
     for taller, stands in [(0.001, True), (0.005, False)]:
         size = blocks.size.copy()
         size[1, 2] += taller
-        assert solve(replace(blocks, size=size), layout, planar_of(layout), STIFFNESS).stands is stands
+        assert solve(replace(blocks, size=size), layout, planar_of(layout), LAW).stands is stands
 
 
 def test_a_block_in_the_air_does_not_stand():
@@ -188,7 +190,7 @@ def test_a_mirrored_tower_has_mirrored_loads():
     grid = layout.grid.copy()
     grid[::2] = grid[::2, ::-1]
     mirrored = PlanarPose(planar.xy * [1, -1], np.where(layout.orientation, np.pi, 0.0) - planar.yaw)
-    one, other = solve(blocks, layout, planar, STIFFNESS), solve(blocks, Layout(grid), mirrored, STIFFNESS)
+    one, other = solve(blocks, layout, planar, LAW), solve(blocks, Layout(grid), mirrored, LAW)
     np.testing.assert_allclose(other.z, one.z, atol=1e-8)
     np.testing.assert_allclose(other.roll, -one.roll, atol=1e-6)
     np.testing.assert_allclose(other.pitch, one.pitch, atol=1e-6)
@@ -200,9 +202,9 @@ def test_the_numbering_of_the_blocks_does_not_matter():
     blocks, layout, planar = measured_tower(7, levels=5)
     order = np.random.default_rng(7).permutation(len(blocks))  # new block i is the old block order[i]
     new = Layout(np.argsort(order)[layout.grid])
-    one = solve(blocks, layout, planar, STIFFNESS)
+    one = solve(blocks, layout, planar, LAW)
     other = solve(
-        Blocks(blocks.size[order], blocks.mass[order]), new, PlanarPose(planar.xy[order], planar.yaw[order]), STIFFNESS
+        Blocks(blocks.size[order], blocks.mass[order]), new, PlanarPose(planar.xy[order], planar.yaw[order]), LAW
     )
     np.testing.assert_allclose(other.z, one.z[order], atol=1e-9)
 
@@ -217,9 +219,9 @@ def test_without_a_block_is_the_tower_from_which_it_was_taken():
     grid[2, 0] = -1
     kept = np.delete(np.arange(len(blocks)), gone)
     taken = Layout(np.where(grid > gone, grid - 1, grid))
-    left_out = solve(blocks, layout, planar, STIFFNESS, without=gone)
+    left_out = solve(blocks, layout, planar, LAW, without=gone)
     expected = solve(
-        Blocks(blocks.size[kept], blocks.mass[kept]), taken, PlanarPose(planar.xy[kept], planar.yaw[kept]), STIFFNESS
+        Blocks(blocks.size[kept], blocks.mass[kept]), taken, PlanarPose(planar.xy[kept], planar.yaw[kept]), LAW
     )
     assert left_out.stands
     assert expected.stands
@@ -231,5 +233,5 @@ def test_without_a_block_is_the_tower_from_which_it_was_taken():
 def test_a_tower_may_not_stand_without_a_block():
     layout = layout_of("xxx", "xx.", "xxx")
     blocks, planar = nominal_blocks(8), planar_of(layout)
-    assert solve(blocks, layout, planar, STIFFNESS, without=3).stands
-    assert not solve(blocks, layout, planar, STIFFNESS, without=4).stands
+    assert solve(blocks, layout, planar, LAW, without=3).stands
+    assert not solve(blocks, layout, planar, LAW, without=4).stands

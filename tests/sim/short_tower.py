@@ -36,7 +36,7 @@ def run_short(config: CollectConfig, seed: int, number: int, open_log: OpenLog) 
 
 def short_tower(levels: int = LEVELS, round_number: int = 1, seed: int = 0) -> GrownTower:
     with short_towers(levels):
-        tower = grow_tower(SpawnConfig(), PHYSICS.contact_stiffness, round_number, np.random.default_rng(seed))
+        tower = grow_tower(SpawnConfig(), PHYSICS.contact_law, round_number, np.random.default_rng(seed))
     assert tower is not None
     return tower
 

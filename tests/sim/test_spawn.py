@@ -14,7 +14,7 @@ from jenga_data.statics import solve
 from jenga_data.tower import EMPTY, Layout, Place
 
 CONFIG = SpawnConfig()
-STIFFNESS = PHYSICS.contact_stiffness
+LAW = PHYSICS.contact_law
 
 Move = tuple[Layout, int, Place]
 
@@ -31,7 +31,7 @@ def grown(round_number: int, seed: int, config: SpawnConfig = CONFIG) -> tuple[G
             return made(layout, block, to)
 
         with patch.object(Layout, "moved", moved):
-            tower = grow_tower(config, STIFFNESS, round_number, rng)
+            tower = grow_tower(config, LAW, round_number, rng)
         if tower is not None:
             return tower, moves
 
@@ -78,8 +78,8 @@ def test_a_fresh_tower_is_filled_in_an_order_of_its_own(towers):
 
 def test_a_block_under_a_load_is_not_taken():
     config = replace(CONFIG, load_limit=-1.0)
-    assert grow_tower(config, STIFFNESS, 1, np.random.default_rng(0)) is not None
-    assert grow_tower(config, STIFFNESS, 2, np.random.default_rng(0)) is None
+    assert grow_tower(config, LAW, 1, np.random.default_rng(0)) is not None
+    assert grow_tower(config, LAW, 2, np.random.default_rng(0)) is None
 
 
 def test_no_taken_block_carried_more_than_the_limit_and_the_tower_stood_without_it():
@@ -87,10 +87,10 @@ def test_no_taken_block_carried_more_than_the_limit_and_the_tower_stood_without_
     limit = 0.5
     seen: list[tuple[float, bool]] = []
 
-    def spied(blocks, layout, planar, stiffness, without=None):
-        equilibrium = solve(blocks, layout, planar, stiffness, without)
+    def spied(blocks, layout, planar, law, without=None):
+        equilibrium = solve(blocks, layout, planar, law, without)
         if without is not None:
-            load = solve(blocks, layout, planar, stiffness).load_on(without)
+            load = solve(blocks, layout, planar, law).load_on(without)
             seen.append((load, equilibrium.stands))
         return equilibrium
 
@@ -114,7 +114,7 @@ def test_the_same_generator_grows_the_same_tower():
 
 def test_towers_are_in_equilibrium(towers):
     for tower, _ in towers:
-        again = solve(tower.blocks, tower.layout, tower.planar, STIFFNESS)
+        again = solve(tower.blocks, tower.layout, tower.planar, LAW)
         assert tower.equilibrium.stands
         np.testing.assert_array_equal(again.z, tower.equilibrium.z)
 
@@ -162,7 +162,7 @@ def test_a_computed_tower_is_nearly_at_rest_in_the_simulator(towers):
 def test_a_shifted_block_moves_along_its_own_x_and_no_other_moves(level):
     tower = short_tower()
     block = int(tower.layout.grid[level, 1])
-    out = shifted(tower, block, 0.02, STIFFNESS)
+    out = shifted(tower, block, 0.02, LAW)
     assert out is not None
     moved = out.planar.xy - tower.planar.xy
     np.testing.assert_allclose(moved[block], 0.02 * rotation_matrices(tower.pose[block, 3:])[:2, 0], atol=1e-4)
@@ -173,4 +173,4 @@ def test_a_shifted_block_moves_along_its_own_x_and_no_other_moves(level):
 
 def test_a_block_shifted_out_of_its_support_is_no_tower():
     tower = short_tower()
-    assert shifted(tower, int(tower.layout.grid[3, 1]), 0.06, STIFFNESS) is None
+    assert shifted(tower, int(tower.layout.grid[3, 1]), 0.06, LAW) is None

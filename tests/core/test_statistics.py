@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from jenga_control.statistics import (
+from jenga_data.statistics import (
     Proportion,
     auroc,
     brier,
