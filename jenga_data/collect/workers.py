@@ -2,15 +2,11 @@
 
 import errno
 import os
-import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic
 
@@ -31,6 +27,7 @@ from jenga_data.collect.rollout import OpenLog
 from jenga_data.episode import Result
 from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
+from jenga_data.pool import BrokenProcessPool, run_all
 from jenga_data.progress import progress
 
 RECIPE = "collection.json"
@@ -128,60 +125,20 @@ class _Tally:
 
 
 def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out: Path) -> Iterator[tuple[str, str]]:
-    """Run the numbers, at most two a worker in the queue, so that an interrupt leaves little to wait for."""
+    """Run the numbers. What a worker that is stopped was writing is a .partial file, which the next run writes anew."""
     if not numbers:
         return
-    if workers == 1:
-        for number in numbers:
-            yield _work(rollout, seed, number, out)
-        return
-    pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"))
-    queue, running = iter(numbers), set[Future[tuple[str, str]]]()
     try:
-        while True:
-            for number in queue:
-                with _interrupts_held():
-                    running.add(pool.submit(_work, rollout, seed, number, out))
-                if len(running) >= 2 * workers:
-                    break
-            if not running:
-                return
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
+        for _, ending in run_all(partial(_work, rollout, seed, out), numbers, min(workers, len(numbers))):
+            yield ending
     except BrokenProcessPool:
         raise JengaError(
             f"a worker process died (out of memory, or killed); finished episodes are kept in {out}: "
             "run the same command again to go on"
         ) from None
-    finally:
-        _stop(pool)
 
 
-def _stop(pool: ProcessPoolExecutor) -> None:
-    """End the workers at once: what they were writing is a .partial file, which the next run writes anew."""
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join()
-
-
-@contextmanager
-def _interrupts_held() -> Iterator[None]:
-    """Ctrl-C reaches every process of the terminal; the parent alone decides what it means.
-
-    A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _work(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
+def _work(rollout: Rollout, seed: int, out: Path, number: int) -> tuple[str, str]:
     from jenga_data.log.writer import EpisodeWriter
 
     result = rollout(seed, number, lambda header, xml: EpisodeWriter(out / f"{header.key}.mcap", header, xml))

@@ -30,6 +30,8 @@ class BlockServo:
         self._integral = np.zeros(3)
         self._wanted = np.zeros(3)
         self._on = True
+        self.force = np.zeros(3)
+        """What it exerts at present [N]."""
 
     def command(self, velocity: Float[np.ndarray, "3"]) -> None:
         """The velocity to keep from now on [m/s]."""
@@ -38,6 +40,7 @@ class BlockServo:
     def let_go(self) -> None:
         """Exert no force from now on."""
         self._on = False
+        self.force = np.zeros(3)
         self._world.data.xfrc_applied[self._body] = 0.0
 
     def step(self) -> None:
@@ -47,6 +50,6 @@ class BlockServo:
             k_p, k_i = self._gains
             step = self._world.model.opt.timestep
             self._integral = np.clip(self._integral + k_i * step * error, -self._limit, self._limit)
-            force = np.clip(k_p * error + self._integral, -self._limit, self._limit)
-            self._world.data.xfrc_applied[self._body, :3] = force
+            self.force = np.clip(k_p * error + self._integral, -self._limit, self._limit)
+            self._world.data.xfrc_applied[self._body, :3] = self.force
         self._world.step()

@@ -1,0 +1,145 @@
+"""Choosing contact settings: how a tower rests, how it is played with, and how it is pulled at, setting by setting.
+
+Rest alone decides nothing: settings under which a fresh tower stands quietly differ several times in how many played
+towers stand and how many fall under a pull.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from time import process_time
+from typing import Any
+
+import numpy as np
+
+from jenga_data.blocks import BLOCK_COUNT, NOMINAL_SIZE, sample_blocks
+from jenga_data.calibrate.trial import described, judged_pull, tower_and_targets
+from jenga_data.clock import CONTROL_STEP_NS
+from jenga_data.collect.config import SelectionConfig, SpawnConfig
+from jenga_data.collect.draws import episode_rng
+from jenga_data.collect.spawn import GrownTower, grow_tower
+from jenga_data.collect.stage import standing_pose
+from jenga_data.errors import JengaError
+from jenga_data.outcome import THRESHOLDS, collapsed
+from jenga_data.sim.physics import PhysicsConfig
+from jenga_data.sim.scene import add_tower, base_spec
+from jenga_data.sim.world import World
+from jenga_data.tower import CENTRE, Layout
+
+CHOSEN = PhysicsConfig()
+
+SETTINGS: Mapping[str, PhysicsConfig] = {
+    "chosen": CHOSEN,
+    # One thing changed at a time.
+    "half the step": replace(CHOSEN, timestep_ns=1_000_000),
+    "twice the step": replace(CHOSEN, timestep_ns=4_000_000, time_constant=0.008, damping_ratio=2.0),
+    "less damping": replace(CHOSEN, damping_ratio=3.0),
+    "little damping": replace(CHOSEN, damping_ratio=1.0),
+    "softer when loaded": replace(CHOSEN, impedance=0.995),
+    "hard at touch": replace(CHOSEN, touch_impedance=0.999),
+    "wider ramp": replace(CHOSEN, impedance_width=2e-4),
+    "impratio 1": replace(CHOSEN, impratio=1.0),
+    "impratio 10": replace(CHOSEN, impratio=10.0),
+    "discrete integrator": replace(CHOSEN, integrator="discrete"),
+    # What others used: `facts.md`, first and second setting, and MuJoCo's own default.
+    "prototype 1": PhysicsConfig(
+        integrator="discrete", impratio=3.0, time_constant=0.01, damping_ratio=1.0,
+        touch_impedance=0.9, impedance=0.99, impedance_width=2e-4,
+    ),
+    "prototype 2": PhysicsConfig(
+        impratio=10.0, time_constant=0.02, damping_ratio=2.0,
+        touch_impedance=0.99, impedance=0.999, impedance_width=1e-4,
+    ),
+    "MuJoCo's default": PhysicsConfig(
+        impratio=1.0, time_constant=0.02, damping_ratio=1.0,
+        touch_impedance=0.9, impedance=0.95, impedance_width=1e-3,
+    ),
+}  # fmt: skip
+"""What the sweep compares; all with the same friction."""
+
+REST_SECONDS = 10.0
+SETTLED_SECONDS = 2.0
+
+
+def rest(physics: PhysicsConfig, seed: int, number: int) -> dict[str, Any]:
+    """A fresh tower, awake and untouched for 10 s.
+
+    Returns:
+        `fell`; `drift` [mm/s] of the block that moves most from second 2 to second 10; simulated seconds a second of
+        CPU time as `realtime_factor`.
+    """
+    spawn = SpawnConfig(last_round=1)
+    grown = _grown(spawn, physics, 1, episode_rng(seed, number, "rest"))
+    world = _world(physics, grown)
+    frame = CONTROL_STEP_NS * 1e-9
+    start, began = world.pose, process_time()
+    settled = start
+    for k in range(round(REST_SECONDS / frame)):
+        if k == round(SETTLED_SECONDS / frame):
+            settled = world.pose
+        world.step(physics.steps_a_frame)
+        if not np.isfinite(world.pose).all() or collapsed(start, world.pose, -1, THRESHOLDS.drop):
+            return {"fell": True, "drift": None, "realtime_factor": None}
+    distance = np.linalg.norm(world.pose[:, :3] - settled[:, :3], axis=1).max()
+    return {
+        "fell": False,
+        "drift": float(distance) / (REST_SECONDS - SETTLED_SECONDS) * 1e3,
+        "realtime_factor": REST_SECONDS / (process_time() - began),
+    }
+
+
+def sag(physics: PhysicsConfig) -> dict[str, Any]:
+    """How far a nominal tower's blocks sink into each other at rest: the median over its interfaces [mm]."""
+    blocks = sample_blocks("nominal", np.random.default_rng(0))
+    layout = Layout.fresh()
+    pitch = NOMINAL_SIZE[0] / 3 + 0.0002
+    across = (layout.slot - CENTRE) * pitch
+    odd = layout.level % 2 == 1
+    xy = np.where(odd[:, None], np.stack([-across, 0 * across], 1), np.stack([0 * across, across], 1))
+    pose = np.zeros((BLOCK_COUNT, 7))
+    pose[:, :2] = xy
+    pose[:, 2] = (layout.level + 0.5) * NOMINAL_SIZE[2]
+    pose[:, 3], pose[:, 6] = np.where(odd, np.sqrt(0.5), 1.0), np.where(odd, np.sqrt(0.5), 0.0)
+    spec = base_spec(physics)
+    add_tower(spec, blocks, pose, target=-1, physics=physics)
+    world = World(spec, blocks, layout)
+    world.step(round(1e9 / physics.timestep_ns))
+    height = np.array([world.pose[layout.grid[level], 2].mean() for level in range(len(layout.grid))])
+    between = NOMINAL_SIZE[2] - np.diff(np.concatenate([[-NOMINAL_SIZE[2] / 2], height]))
+    return {"sag": float(np.median(between)) * 1e3, "worst": float(between.max()) * 1e3}
+
+
+def play(physics: PhysicsConfig, seed: int, number: int, round_number: int) -> dict[str, Any]:
+    """A played tower that is in equilibrium by computation: does it stand in the simulator, awake for 2 s?"""
+    spawn = SpawnConfig()
+    grown = _grown(spawn, physics, round_number, episode_rng(seed, number, f"play {round_number}"))
+    began = process_time()
+    stands = standing_pose(spawn, physics, grown, sleep=False) is not None
+    quick = standing_pose(spawn, physics, grown, sleep=True) is not None
+    return {"round": round_number, "stands": stands, "quick": quick, "cpu": process_time() - began}
+
+
+def pulls(config: SelectionConfig, seed: int, number: int, repeats: int) -> dict[str, Any]:
+    """One random legal target of one tower, pulled several times with other noise; the CPU time of a pull."""
+    try:
+        _, (stage,) = tower_and_targets(config, seed, number, 1)
+    except JengaError:
+        return {"stood": False}
+    began = process_time()
+    results = [judged_pull(config, stage, seed, repeat) for repeat in range(repeats)]
+    cpu = (process_time() - began) / repeats
+    return {"stood": True, "cpu": cpu, "tries": stage.tries, **described(stage), "repeats": results}
+
+
+def _grown(spawn: SpawnConfig, physics: PhysicsConfig, round_number: int, rng: np.random.Generator) -> GrownTower:
+    """The first tower that can be grown; whether it stands is what is asked."""
+    for _ in range(1000):
+        grown = grow_tower(spawn, physics.contact_law, round_number, rng)
+        if grown is not None:
+            return grown
+    raise JengaError(f"no tower of round {round_number} is in equilibrium under these contacts in 1,000 tries")
+
+
+def _world(physics: PhysicsConfig, grown: GrownTower) -> World:
+    spec = base_spec(physics)
+    add_tower(spec, grown.blocks, grown.pose, target=-1, physics=physics)
+    return World(spec, grown.blocks, grown.layout)
