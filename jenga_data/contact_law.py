@@ -30,21 +30,28 @@ class ContactLaw:
 
     def force(self, sink: Float[np.ndarray, " contact"]) -> Float[np.ndarray, " contact"]:
         """Zero where nothing sinks."""
-        sink = np.maximum(0.0, sink)
-        d, _ = self._impedance(sink)
-        return self.rate * d**2 / (1 - d) * sink
+        return self.force_and_stiffness(sink)[0]
 
     def stiffness(self, sink: Float[np.ndarray, " contact"]) -> Float[np.ndarray, " contact"]:
         """Derivative of `force` [1/s^2]."""
-        d, slope = self._impedance(np.maximum(0.0, sink))
-        tangent = d**2 / (1 - d) + d * (2 - d) / (1 - d) ** 2 * slope * np.maximum(0.0, sink)
-        return np.where(sink > 0, self.rate * tangent, 0.0)
+        return self.force_and_stiffness(sink)[1]
+
+    def force_and_stiffness(
+        self, sink: Float[np.ndarray, " contact"]
+    ) -> tuple[Float[np.ndarray, " contact"], Float[np.ndarray, " contact"]]:
+        """Both at once: where one is needed, the other costs little."""
+        deep = np.maximum(0.0, sink)
+        d, slope = self._impedance(deep)
+        secant = self.rate * d**2 / (1 - d)
+        tangent = secant + self.rate * d * (2 - d) / (1 - d) ** 2 * slope * deep
+        return secant * deep, np.where(sink > 0, tangent, 0.0)
 
     def _impedance(
         self, sink: Float[np.ndarray, " contact"]
     ) -> tuple[Float[np.ndarray, " contact"], Float[np.ndarray, " contact"]]:
         """d and its derivative by the depth."""
         x = np.minimum(sink / self.width, 1.0)
-        y = np.where(x < 0.5, 2 * x**2, 1 - 2 * (1 - x) ** 2)
-        slope = np.where(x < 0.5, 4 * x, 4 * (1 - x)) / self.width
-        return self.touch + (self.full - self.touch) * y, (self.full - self.touch) * slope
+        rising, rest = x < 0.5, 1.0 - x
+        y = np.where(rising, 2 * x**2, 1 - 2 * rest**2)
+        grown = self.full - self.touch
+        return self.touch + grown * y, 4 * grown / self.width * np.where(rising, x, rest)

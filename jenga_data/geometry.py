@@ -4,6 +4,8 @@ Every function takes poses with leading batch axes, so that the converter (one t
 sampled towers) and the checks (a whole episode) share it.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float
 
@@ -38,18 +40,45 @@ def footprint_overlap(
     sum_k |edge_k . n| / 2 from its centre in direction n. The depth is the least overlap over the directions across
     an edge of either (separating axes): symmetric, and positive exactly where the footprints intersect.
     """
-    reach = np.swapaxes(rotation_matrices(pose[..., 3:]), -1, -2)[..., :2] * size[..., None] / 2  # (..., i, edge, xy)
-    length = np.linalg.norm(reach, axis=-1)
-    across = np.stack([-reach[..., 1], reach[..., 0]], axis=-1) / np.maximum(length, _NO_SHADOW)[..., None]
-    *batch, count, _ = length.shape
-    rows = across.reshape(*batch, 3 * count, 2)
-    extent = np.abs(rows @ np.swapaxes(reach.reshape(rows.shape), -1, -2)).reshape(*batch, count, 3, count, 3).sum(-1)
-    centre = (rows @ np.swapaxes(pose[..., :2], -1, -2)).reshape(*batch, count, 3, count)  # (..., i, edge, j)
-    own_extent = np.abs(across @ np.swapaxes(reach, -1, -2)).sum(-1)[..., None]
-    own_centre = across @ pose[..., :2, None]
-    overlap = np.minimum(own_extent + extent - np.abs(own_centre - centre), 2 * np.minimum(own_extent, extent))
-    one_way = np.where(length[..., None] > _NO_SHADOW, overlap, np.inf).min(-2)  # over the edges of i
+    shadow = _Shadows.of(pose, size)
+    one_way = shadow.overlap_across_own_edges(shadow)
     return np.minimum(one_way, np.swapaxes(one_way, -1, -2))
+
+
+class _Shadows(NamedTuple):
+    """Boxes seen from above."""
+
+    centre: Float[np.ndarray, "*batch block 2"]
+    reach: Float[np.ndarray, "*batch block 3 2"]
+    """Half of each edge's shadow."""
+    across: Float[np.ndarray, "*batch block 3 2"]
+    """Unit vector across each edge."""
+    upright: Bool[np.ndarray, "*batch block 3"]
+
+    @classmethod
+    def of(cls, pose: Float[np.ndarray, "*batch block 7"], size: Float[np.ndarray, "*#batch block 3"]) -> "_Shadows":
+        reach = np.swapaxes(rotation_matrices(pose[..., 3:]), -1, -2)[..., :2] * size[..., None] / 2
+        length = np.linalg.norm(reach, axis=-1)
+        across = np.stack([-reach[..., 1], reach[..., 0]], axis=-1) / np.maximum(length, _NO_SHADOW)[..., None]
+        return cls(pose[..., :2], reach, across, length <= _NO_SHADOW)
+
+    def block(self, index: int) -> "_Shadows":
+        one = slice(index, index + 1) if index != -1 else slice(index, None)
+        return _Shadows(
+            self.centre[..., one, :], self.reach[..., one, :, :], self.across[..., one, :, :], self.upright[..., one, :]
+        )
+
+    def overlap_across_own_edges(self, other: "_Shadows") -> Float[np.ndarray, "*batch block other"]:
+        """Least overlap with each of the others over the directions across one's own edges."""
+        *batch, count, _ = self.upright.shape
+        rows = self.across.reshape(*batch, 3 * count, 2)
+        sides = np.swapaxes(other.reach.reshape(*batch, -1, 2), -1, -2)
+        extent = np.abs(rows @ sides).reshape(*batch, count, 3, -1, 3).sum(-1)
+        centre = (rows @ np.swapaxes(other.centre, -1, -2)).reshape(*batch, count, 3, -1)  # (..., i, edge, j)
+        own_extent = np.abs(self.across @ np.swapaxes(self.reach, -1, -2)).sum(-1)[..., None]
+        own_centre = self.across @ self.centre[..., None]
+        overlap = np.minimum(own_extent + extent - np.abs(own_centre - centre), 2 * np.minimum(own_extent, extent))
+        return np.where(self.upright[..., None], np.inf, overlap).min(-2)
 
 
 def vertical_gap(
@@ -64,5 +93,9 @@ def clear_of_others(
     pose: Float[np.ndarray, "*batch block 7"], size: Float[np.ndarray, "block 3"], target: int
 ) -> Bool[np.ndarray, "*batch"]:
     """Whether no other block's footprint overlaps the target's: nothing can rest on it or carry it."""
-    overlap = footprint_overlap(pose, size)[..., target, :]
+    every = _Shadows.of(pose, size)
+    alone = every.block(target)
+    across_own = alone.overlap_across_own_edges(every)[..., 0, :]
+    across_theirs = every.overlap_across_own_edges(alone)[..., 0]
+    overlap = np.minimum(across_own, across_theirs)
     return np.asarray((np.delete(overlap, target, axis=-1) <= 0).all(-1))

@@ -10,6 +10,7 @@ mass of some part of it lies outside its support.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,13 +18,22 @@ from scipy.linalg import solveh_banded
 
 from jenga_data.blocks import GRAVITY, Blocks
 from jenga_data.contact_law import ContactLaw
-from jenga_data.tower import Layout
+from jenga_data.tower import EMPTY, Layout
 
 _TABLE = -1
-_BALANCED = 1e-6
-"""Largest force [N] or torque [N m] left over at which a block counts as balanced."""
+_EVERYWHERE = np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+_CORNER_X, _CORNER_Y = [0, 0, 1, 1], [0, 1, 0, 1]
+_ROW, _COLUMN = np.tril_indices(6)
+_BALANCED = 1e-8
+"""Largest force [N] or torque [N m] left over at which the search ends: blocks then lie where they do to 1e-9 m."""
+_AT_REST = 1e-4
+"""Largest one at which a block counts as balanced where the search did not end so."""
 _DEEP = 1e-4
 """A contact sinks by less [m]: its stiffness there sets the scale."""
+_FLAT = 0.1
+"""A line search ends where the energy's slope has fallen to this part of what it was at its start..."""
+_NARROW = 1e-6
+"""...or where it is known to this part of the step."""
 _MAX_TILT = 0.06
 """A block that leans by more [rad] has lost its support: heights within a level differ by at most 0.7 mm, and so do
 the heights of a block's supports, which are at least 12 mm apart."""
@@ -62,6 +72,7 @@ def solve(
     planar: PlanarPose,
     law: ContactLaw,
     without: int | None = None,
+    near: Equilibrium | None = None,
     iterations: int = 60,
 ) -> Equilibrium:
     """Find the equilibrium of a tower.
@@ -70,6 +81,8 @@ def solve(
         law: force of a contact corner, `PhysicsConfig.contact_law`, so that a computed tower is at rest when it is
             simulated.
         without: a block to leave out, as if it had been taken away.
+        near: an equilibrium of almost the same tower, from which the search starts. It changes the time that takes,
+            not what is found.
     """
     stacked = _stack_heights(blocks, layout)
     gaps = _gap_model(blocks, planar, layout, _contact_corners(blocks, layout, planar, without), stacked)
@@ -82,17 +95,19 @@ def solve(
     # A block that is left out, and directions that no contact holds, stay where they are.
     ridge = np.tile([1e-6, 1e-9, 1e-9], len(blocks)) * max(1.0, law.stiffness(np.array([_DEEP]))[0])
 
-    q = np.zeros(3 * len(blocks))
+    q = _start(blocks, near, stacked, without)[gaps.order].ravel()
+    at = _Contacts(law, mass, gaps.at(q))
     for _ in range(iterations):
-        gap = gaps.at(q)
-        gradient = weight - gaps.transposed(mass * law.force(-gap))
+        gradient = weight - gaps.transposed(at.force)
         if np.abs(gradient).max() < _BALANCED:
             break
-        step = -solveh_banded(gaps.hessian(mass * law.stiffness(-gap), ridge), gradient, lower=True)
-        q = q + step * _line_search(gap, gaps.slope(step), float(weight @ step), law, mass)
+        bands = gaps.hessian(at.stiffness, ridge)
+        step = -solveh_banded(bands, gradient, overwrite_ab=True, lower=True, check_finite=False)
+        length, at = _line_search(at, gaps.slope(step), float(weight @ step))
+        q = q + step * length
 
-    force = mass * law.force(-gaps.at(q))
-    at_rest = np.abs(weight - gaps.transposed(force)).max() < 100 * _BALANCED
+    force = _Contacts(law, mass, gaps.at(q)).force
+    at_rest = np.abs(weight - gaps.transposed(force)).max() < _AT_REST
     pose = np.empty((len(blocks), 3))
     pose[gaps.order] = q.reshape(-1, 3)
     return Equilibrium(
@@ -106,31 +121,60 @@ def solve(
     )
 
 
+def _start(
+    blocks: Blocks, near: Equilibrium | None, stacked: Float[np.ndarray, " block"], without: int | None
+) -> Float[np.ndarray, "block 3"]:
+    """Height above the stack, roll and pitch from which the search starts: as in `near` where a block lies on the
+    same level there, on the stack otherwise."""
+    start = np.zeros((len(blocks), 3))
+    if near is not None:
+        same = np.abs(near.z - stacked) < blocks.size[:, 2] / 2
+        if without is not None:
+            same[without] = False
+        start[same] = np.stack([near.z - stacked, near.roll, near.pitch], axis=1)[same]
+    return start
+
+
+class _Contacts:
+    """Force [N] and stiffness [N/m] of all contacts at their gaps [m]."""
+
+    def __init__(self, law: ContactLaw, mass: Float[np.ndarray, " contact"], gap: Float[np.ndarray, " contact"]):
+        self.law, self.mass, self.gap = law, mass, gap
+        force, stiffness = law.force_and_stiffness(-gap)
+        self.force, self.stiffness = mass * force, mass * stiffness
+
+    def opened(self, by: Float[np.ndarray, " contact"]) -> "_Contacts":
+        return _Contacts(self.law, self.mass, self.gap + by)
+
+
 def _effective_mass(blocks: Blocks, gaps: "_GapModel") -> Float[np.ndarray, " contact"]:
     """m1 m2 / (m1 + m2) of each contact's two blocks [kg]; the table is infinitely heavy."""
     inverse = 1.0 / blocks.mass[gaps.upper] + np.where(gaps.lower == _TABLE, 0.0, 1.0 / blocks.mass[gaps.lower])
     return 1.0 / inverse
 
 
-def _line_search(
-    gap: Float[np.ndarray, " contact"],
-    gap_slope: Float[np.ndarray, " contact"],
-    work: float,
-    law: ContactLaw,
-    mass: Float[np.ndarray, " contact"],
-) -> float:
-    """The step in (0, 1] at which the convex energy is least, by bisection on its slope."""
+def _line_search(start: _Contacts, gap_slope: Float[np.ndarray, " contact"], work: float) -> tuple[float, _Contacts]:
+    """The step in (0, 1] at which the convex energy is least, and the contacts there.
 
-    def slope(t: float) -> float:
-        return work - float((mass * law.force(-(gap + t * gap_slope))) @ gap_slope)
+    Newton's method on the energy's slope along the step, inside a bracket that bisection shrinks where Newton leaves
+    it: the slope is monotonic, but its own slope jumps where a contact opens or closes.
 
-    low, high = 0.0, 1.0
-    if slope(high) <= 0:
-        return high
-    for _ in range(20):
-        middle = (low + high) / 2
-        low, high = (middle, high) if slope(middle) < 0 else (low, middle)
-    return (low + high) / 2
+    Args:
+        gap_slope: by how much each gap opens over the whole step [m].
+        work: of the weights over the whole step [J], negative where they fall.
+    """
+    low, high, t = 0.0, 1.0, 1.0
+    least = _FLAT * abs(work - float(start.force @ gap_slope))
+    while True:
+        at = start.opened(t * gap_slope)
+        slope = work - float(at.force @ gap_slope)
+        if abs(slope) <= least or (t == 1.0 and slope <= 0) or high - low < _NARROW:
+            return t, at
+        low, high = (t, high) if slope < 0 else (low, t)
+        curvature = float(at.stiffness @ gap_slope**2)
+        t = t - slope / curvature if curvature > 0 else low
+        if not low < t < high:
+            t = (low + high) / 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,25 +203,20 @@ def _rectangles(blocks: Blocks, planar: PlanarPose) -> Float[np.ndarray, "block 
 
 
 def _contact_corners(blocks: Blocks, layout: Layout, planar: PlanarPose, without: int | None) -> _Corners:
+    grid = layout.grid if without is None else np.where(layout.grid == without, EMPTY, layout.grid)
+    upper, lower = np.broadcast_arrays(grid[1:, :, None], grid[:-1, None, :])
+    both = (upper != EMPTY) & (lower != EMPTY)
+    ground = grid[0][grid[0] != EMPTY]
+    upper = np.concatenate([ground, upper[both]])
+    lower = np.concatenate([np.full(len(ground), _TABLE), lower[both]])
     rectangle = _rectangles(blocks, planar)
-    upper, lower, points = [], [], []
-    for level, row in enumerate(layout.grid):
-        below = layout.grid[level - 1] if level else [_TABLE]
-        for u in row:
-            for b in below:
-                if u < 0 or u == without or (level and (b < 0 or b == without)):
-                    continue
-                low, high = rectangle[u]
-                if level:
-                    low, high = np.maximum(low, rectangle[b][0]), np.minimum(high, rectangle[b][1])
-                if (high <= low).any():
-                    continue
-                for x in (low[0], high[0]):
-                    for y in (low[1], high[1]):
-                        upper.append(u)
-                        lower.append(b)
-                        points.append((x, y))
-    return _Corners(np.array(upper, np.int64), np.array(lower, np.int64), np.array(points, float).reshape(-1, 2))
+    below = np.where((lower == _TABLE)[:, None, None], _EVERYWHERE, rectangle[lower])
+    low = np.maximum(rectangle[upper, 0], below[:, 0])
+    high = np.minimum(rectangle[upper, 1], below[:, 1])
+    touch = (high > low).all(axis=1)
+    sides = np.stack([low[touch], high[touch]], axis=1)  # (contact area, low or high, xy)
+    corners = np.stack([sides[:, _CORNER_X, 0], sides[:, _CORNER_Y, 1]], axis=-1)
+    return _Corners(np.repeat(upper[touch], 4), np.repeat(lower[touch], 4), corners.reshape(-1, 2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -208,14 +247,22 @@ class _GapModel:
         self, stiffness: Float[np.ndarray, " contact"], ridge: Float[np.ndarray, " coordinate"]
     ) -> Float[np.ndarray, "band coordinate"]:
         """Lower bands of J^T diag(stiffness) J + diag(ridge), as `scipy.linalg.solveh_banded` takes them."""
-        products = stiffness[:, None, None] * self.value[:, :, None] * self.value[:, None, :]
-        row, column = np.broadcast_arrays(self.column[:, :, None], self.column[:, None, :])
-        below = row >= column
-        size = len(ridge)
-        flat = (row[below] - column[below]) * size + column[below]
-        bands = np.bincount(flat, products[below], minlength=(self.bandwidth + 1) * size).reshape(-1, size)
+        weights = self.product * stiffness[:, None]
+        shape = self.bandwidth + 1, len(ridge)
+        bands = np.bincount(self.entry.ravel(), weights.ravel(), minlength=shape[0] * shape[1]).reshape(shape)
         bands[0] += ridge
         return bands
+
+    @cached_property
+    def product(self) -> Float[np.ndarray, "contact 21"]:
+        """What a contact of stiffness one adds to the Hessian: the lower triangle of its 6 x 6 part."""
+        return self.value[:, _ROW] * self.value[:, _COLUMN]
+
+    @cached_property
+    def entry(self) -> Int[np.ndarray, "contact 21"]:
+        """Where in the flattened bands that goes. The table's columns repeat the block's, with zeros as values."""
+        first, second = self.column[:, _ROW], self.column[:, _COLUMN]
+        return np.abs(first - second) * 3 * len(self.order) + np.minimum(first, second)
 
 
 def _gap_model(

@@ -61,7 +61,7 @@ def grow_tower(config: SpawnConfig, law: ContactLaw, round_number: int, rng: np.
         layout = layout.moved(block, place)
         _put_down(planar, block, place, config, rng)
         _push_apart(blocks, layout, planar, place.level)
-        equilibrium = solve(blocks, layout, planar, law)
+        equilibrium = solve(blocks, layout, planar, law, near=equilibrium)
     if not equilibrium.stands:
         return None
     return GrownTower(blocks, layout, planar, equilibrium)
@@ -73,7 +73,7 @@ def shifted(tower: GrownTower, block: int, distance: float, law: ContactLaw) -> 
     yaw = tower.planar.yaw[block]
     xy[block] += distance * np.array([np.cos(yaw), np.sin(yaw)])
     planar = PlanarPose(xy, tower.planar.yaw)
-    equilibrium = solve(tower.blocks, tower.layout, planar, law)
+    equilibrium = solve(tower.blocks, tower.layout, planar, law, near=tower.equilibrium)
     return GrownTower(tower.blocks, tower.layout, planar, equilibrium) if equilibrium.stands else None
 
 
@@ -88,7 +88,7 @@ def _takeable(
 ) -> int | None:
     candidates = [b for b in layout.legal_targets() if now.load_on(b) <= limit]
     for block in rng.permutation(np.array(candidates, np.int64)):
-        if solve(blocks, layout, planar, law, without=int(block)).stands:
+        if solve(blocks, layout, planar, law, without=int(block), near=now).stands:
             return int(block)
     return None
 

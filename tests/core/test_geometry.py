@@ -140,6 +140,18 @@ def test_a_block_is_clear_when_nothing_lies_above_or_below_any_part_of_it():
         assert clear_of_others(pose, size, target) == clear
 
 
+@pytest.mark.parametrize("target", [0, 3, -1])
+def test_a_block_is_clear_exactly_where_no_footprint_overlaps_its_own(target):
+    rng = np.random.default_rng(0)
+    pose = np.concatenate([rng.normal(0, 0.08, (200, 12, 3)), rng.normal(size=(200, 12, 4))], axis=-1)
+    pose[..., 3:] /= np.linalg.norm(pose[..., 3:], axis=-1, keepdims=True)
+    size = np.tile([0.075, 0.025, 0.015], (12, 1))
+    overlap = np.delete(footprint_overlap(pose, size)[:, target], target, axis=-1)
+    clear = clear_of_others(pose, size, target)
+    np.testing.assert_array_equal(clear, (overlap <= 0).all(-1))
+    assert 0 < clear.sum() < len(clear)
+
+
 def test_only_the_target_need_be_clear():
     size = np.tile([0.075, 0.025, 0.015], (3, 1))
     pose = lying([(0, 0), (0, 0.01), (0.5, 0)])

@@ -235,3 +235,23 @@ def test_a_tower_may_not_stand_without_a_block():
     blocks, planar = nominal_blocks(8), planar_of(layout)
     assert solve(blocks, layout, planar, LAW, without=3).stands
     assert not solve(blocks, layout, planar, LAW, without=4).stands
+
+
+# --- a search that starts near its end -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("law", [LAW, ContactLaw(4e4, 0.9, 0.999, 7e-5)])
+def test_where_the_search_starts_changes_nothing_but_the_time(law):
+    blocks, layout, planar = measured_tower(6, levels=8)
+    start = solve(blocks, layout, planar, law)
+    moved = layout.moved(int(layout.legal_targets()[0]), layout.next_places()[0])
+    for then, without in ((moved, None), (layout, int(layout.legal_targets()[3]))):
+        here = planar_of(then, 0.0003, 6)
+        cold = solve(blocks, then, here, law, without)
+        warm = solve(blocks, then, here, law, without, near=start)
+        assert warm.stands == cold.stands
+        np.testing.assert_allclose(warm.z, cold.z, rtol=0, atol=1e-9)
+        np.testing.assert_allclose([warm.roll, warm.pitch], [cold.roll, cold.pitch], rtol=0, atol=1e-7)
+        np.testing.assert_allclose(warm.force, cold.force, rtol=0, atol=1e-5)
+    at_once = solve(blocks, layout, planar, law, near=start, iterations=0)
+    np.testing.assert_allclose(at_once.z, start.z, rtol=0, atol=1e-15)
