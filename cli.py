@@ -14,6 +14,7 @@ import msgspec
 import tyro
 
 from jenga_control.commands import demo, evaluate, replay
+from jenga_data.calibrate.commands import calibrate
 from jenga_data.command_line import Shown, Verb
 from jenga_data.commands import collect, convert, dataset, log
 from jenga_data.errors import JengaError
@@ -26,6 +27,10 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     "train": ("train a model (selection, dynamics)", train),
     "eval": ("evaluate a model on held-out towers (selection, dynamics, extraction)", lambda _: evaluate()),
     "replay": ("show an episode with models' predictions in rerun", lambda _: replay),
+    "calibrate": (
+        "how the simulated tower behaves (movable, contacts, ceiling, speed, rounds, turntable, sleep)",
+        lambda _: calibrate(),
+    ),
     "dataset": ("list, info, verify", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
 }

@@ -14,6 +14,7 @@ Inline = tyro.conf.arg(name="")
 MaybePath = Optional[Path]  # noqa: UP045
 MaybeText = Optional[str]  # noqa: UP045
 MaybeInt = Optional[int]  # noqa: UP045
+MaybeFloat = Optional[float]  # noqa: UP045
 
 
 @dataclass(frozen=True)

@@ -4,14 +4,18 @@ Rest alone decides nothing: settings under which a fresh tower stands quietly di
 towers stand and how many fall under a pull.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from time import process_time
 from typing import Any
 
 import numpy as np
 
 from jenga_data.blocks import BLOCK_COUNT, NOMINAL_SIZE, sample_blocks
+from jenga_data.calibrate import figures
+from jenga_data.calibrate.cases import Case
+from jenga_data.calibrate.run import Run
 from jenga_data.calibrate.trial import described, judged_pull, tower_and_targets
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.config import SelectionConfig, SpawnConfig
@@ -20,9 +24,11 @@ from jenga_data.collect.spawn import GrownTower, grow_tower
 from jenga_data.collect.stage import standing_pose
 from jenga_data.errors import JengaError
 from jenga_data.outcome import THRESHOLDS, collapsed
+from jenga_data.report import markdown_table, with_interval
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
+from jenga_data.statistics import Proportion, paired_difference, proportion_over_towers
 from jenga_data.tower import CENTRE, Layout
 
 CHOSEN = PhysicsConfig()
@@ -143,3 +149,105 @@ def _world(physics: PhysicsConfig, grown: GrownTower) -> World:
     spec = base_spec(physics)
     add_tower(spec, grown.blocks, grown.pose, target=-1, physics=physics)
     return World(spec, grown.blocks, grown.layout)
+
+
+def contacts_report(run: Run, config: SelectionConfig, few: int, names: Sequence[str]) -> dict[str, Any]:
+    """Compare contact settings at rest, in play and under a pull; the chosen one rests on `run.towers` towers, the
+    others on `few`, and each plays and is pulled on 2 x `few` towers."""
+    unknown = [name for name in names if name not in SETTINGS]
+    if unknown:
+        raise JengaError(f"unknown setting {unknown[0]!r}; allowed: {', '.join(SETTINGS)}")
+    chosen = {"chosen": config.physics}
+    settings = chosen | {
+        name: replace(SETTINGS[name], friction=config.physics.friction) for name in names if name != "chosen"
+    }
+    rested = {name: run.towers if name == "chosen" else min(few, run.towers) for name in settings}
+    played = [(n, r) for n in range(few) for r in (8, 15)]
+    of_setting: dict[str, list[Case]] = {
+        name: [
+            *((rest, {"physics": p, "seed": run.seed, "number": n}) for n in range(rested[name])),
+            (sag, {"physics": p}),
+            *((play, {"physics": p, "seed": run.seed, "number": n, "round_number": r}) for n, r in played),
+            *(
+                (
+                    pulls,
+                    {"config": replace(config, physics=p), "seed": run.seed, "number": n, "repeats": 2},
+                )
+                for n in range(2 * few)
+            ),
+        ]
+        for name, p in settings.items()
+    }
+    flat = iter(run.cases("contacts", [case for cases in of_setting.values() for case in cases]))
+    found = {name: [next(flat) for _ in cases] for name, cases in of_setting.items()}
+    summary = {
+        name: _setting(results, rested[name], len(played), found["chosen"][-2 * few :])
+        for name, results in found.items()
+    }
+    first = summary["chosen"]
+    report = {
+        **{key: first[key] for key in ("fallen", "drift_mm_per_s", "sag_mm", "realtime_factor")},
+        "towers": run.towers,
+        "seed": run.seed,
+        "settings": summary,
+        "physics": {name: _plain(physics) for name, physics in settings.items()},
+    }
+    rows = [
+        (
+            name, s["fallen"], s["drift_mm_per_s"]["median"], s["drift_mm_per_s"]["worst"], s["sag_mm"],
+            s["realtime_factor"], s["played_stand"], s["failure"], s["pull_seconds"],
+        )
+        for name, s in summary.items()
+    ]  # fmt: skip
+    header = (
+        "Setting", "Fresh towers fallen in 10 s", "drift, median [mm/s]", "worst", "sag [mm]", "real-time factor",
+        "played towers stand", "failure of pulls", "CPU s a pull",
+    )  # fmt: skip
+    appendix = [(name, s["same_label"], s["label_repeats"], s["failure_minus_chosen"]) for name, s in summary.items()]
+    text = (
+        markdown_table(header, rows)
+        + "\nWhich outcomes depend on the setting: the same seeds under each. A label that changes more often than "
+        + "when a pull is repeated with other noise depends on the setting.\n\n"
+        + markdown_table(
+            ("Setting", "Same label as chosen", "Same label when repeated", "Failure rate minus chosen"), appendix
+        )
+    )
+    return run.write("contacts", report, text, partial(figures.contacts, summary))
+
+
+def _setting(
+    results: list[dict[str, Any]], rested: int, played: int, reference: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """One row of the sweep."""
+    rest, sag, play = results[:rested], results[rested], results[rested + 1 : rested + 1 + played]
+    pulls = results[rested + 1 + played :]
+    fell = np.array([r["fell"] for r in rest])
+    drift = np.array([r["drift"] for r in rest if not r["fell"]])
+    pulled = [r for r in pulls if r["stood"]]
+    failure = np.array([r["repeats"][0]["failure"] for r in pulled], bool)
+    tower = np.array([r["tower"] for r in pulled])
+    again = np.array([r["repeats"][1]["failure"] for r in pulled], bool)
+    pairs = [(a, b) for a, b in zip(pulls, reference, strict=True) if a["stood"] and b["stood"]]
+    mine, chosen = (np.array([pair[i]["repeats"][0]["failure"] for pair in pairs], bool) for i in (0, 1))
+    where = np.array([b["tower"] for _, b in pairs])
+    apart = paired_difference(mine, chosen, where)
+    return {
+        "fallen": Proportion.of(fell).as_dict(),
+        "drift_mm_per_s": {
+            "median": float(np.median(drift)) if len(drift) else None,
+            "worst": float(drift.max()) if len(drift) else None,
+        },
+        "sag_mm": sag["sag"],
+        "realtime_factor": float(np.median([r["realtime_factor"] for r in rest if not r["fell"]] or [np.nan])),
+        "played_stand": Proportion.of(np.array([r["stands"] for r in play])).as_dict(),
+        "played_quick_and_full_agree": Proportion.of(np.array([r["stands"] == r["quick"] for r in play])).as_dict(),
+        "failure": proportion_over_towers(failure, tower),
+        "pull_seconds": float(np.mean([r["cpu"] for r in pulled])) if pulled else None,
+        "label_repeats": Proportion.of(failure == again).as_dict(),
+        "same_label": Proportion.of(mine == chosen).as_dict(),
+        "failure_minus_chosen": with_interval(apart["difference"], apart["ci95"]),
+    }
+
+
+def _plain(physics: PhysicsConfig) -> dict[str, Any]:
+    return {name: getattr(physics, name) for name in physics.__dataclass_fields__}

@@ -4,21 +4,27 @@ Robots and people find 47 % (the paper, after Fazeli et al., Science Robotics 20
 53.7 % of the middle blocks and 31.6 % of those at the side (JengaRobot, 188 real layers).
 """
 
+from collections import Counter
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 
+from jenga_data.calibrate import figures
+from jenga_data.calibrate.run import Run, quantiles
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.config import SpawnConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.rest import at_rest
 from jenga_data.collect.stage import standing_tower
 from jenga_data.outcome import THRESHOLDS, collapsed
+from jenga_data.report import markdown_table
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.servo import BlockServo
 from jenga_data.sim.world import World
+from jenga_data.statistics import Proportion, proportion_over_towers
 
 
 @dataclass(frozen=True)
@@ -34,10 +40,11 @@ class PushConfig:
     """How far the block has to get [m]."""
     others: float = 0.005
     """No other block may move by more [m]."""
-    patience: float = 0.256
+    patience: float = 0.32
     """A block that does not get on by a millimetre in so long [s] is stuck."""
-    gains: tuple[float, float] = (4.0, 400.0)
-    """Proportional [N s/m] and integral [N/m] gain of the servo."""
+    gains: tuple[float, float] = (2.0, 150.0)
+    """Proportional [N s/m] and integral [N/m] gain of the servo: on a block that sticks the force starts at 0.1 N and
+    rises by 7.5 N/s."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +98,7 @@ def _push(world: World, start: np.ndarray, block: int, sign: float, config: Mova
     while not end:
         for _ in range(physics.steps_a_frame):
             servo.step()
-            forces.append(servo.force @ along if travel[-1] < _PROGRESS else 0.0)
+            forces.append(float(servo.force @ along) if travel[-1] < _PROGRESS else 0.0)
         poses.append(world.pose)
         travel.append(float((poses[-1][block, :3] - poses[0][block, :3]) @ along))
         if collapsed(poses[0], poses[-1], block, THRESHOLDS.drop):
@@ -115,3 +122,46 @@ def _push(world: World, start: np.ndarray, block: int, sign: float, config: Mova
 def _moved(poses: list[np.ndarray], block: int) -> float:
     """The most that another block is away from where it was [m]."""
     return float(np.delete(np.linalg.norm(poses[-1][:, :3] - poses[0][:, :3], axis=1), block).max())
+
+
+REAL_MOVABLE = {"movable": 0.47, "middle": 0.537, "side": 0.316}
+"""The paper, after Fazeli et al. 2019 (movable in a fresh tower), and JengaRobot's hand test (loose, 188 layers)."""
+
+
+def movable_report(run: Run, config: MovableConfig) -> dict[str, Any]:
+    """Push every block of fresh towers."""
+    numbers = range(run.towers)
+    results = run.cases(
+        "movable", [(push_every_block, {"config": config, "seed": run.seed, "number": n}) for n in numbers]
+    )
+    end = np.array([end for result in results for end in result["end"]])
+    slot = np.array([slot for result in results for slot in result["slot"]])
+    tower = np.repeat([result["tower"] for result in results], [len(result["end"]) for result in results])
+    free, middle = end == "movable", slot == 1
+    force = np.array([f for result in results for f in result["breakaway"]], float)
+    report = {
+        "movable": proportion_over_towers(free, tower),
+        "middle": proportion_over_towers(free[middle], tower[middle]),
+        "side": proportion_over_towers(free[~middle], tower[~middle]),
+        "force_limit_n": config.push.force_limit,
+        "friction": config.physics.friction,
+        "towers": len(results),
+        "seed": run.seed,
+        "ends": dict(sorted(Counter(end.tolist()).items())),
+        "breakaway_n": quantiles(force[np.isfinite(force)]),
+        "never_broke_away": Proportion.of(~np.isfinite(force)).as_dict(),
+        "real": REAL_MOVABLE,
+    }
+    rows = [(name, report[name], REAL_MOVABLE[name]) for name in ("movable", "middle", "side")]
+    text = (
+        f"{len(results)} fresh towers, every block pushed with at most {config.push.force_limit} N at "
+        f"{config.push.speed} m/s; friction {config.physics.friction}.\n\n"
+        + markdown_table(("Blocks", "Movable here", "Real towers"), rows)
+        + "\n"
+        + markdown_table(("What became of a push", "Blocks"), list(report["ends"].items()))
+        + "\n"
+        + markdown_table(("Breakaway force", "N"), list(report["breakaway_n"].items()))
+    )
+    level = np.array([level for result in results for level in result["level"]])
+    draw = partial(figures.movable, free, middle, level, force, config.push.force_limit, REAL_MOVABLE)
+    return run.write("movable", report, text, draw)

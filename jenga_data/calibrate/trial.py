@@ -55,7 +55,8 @@ def tower_and_targets(config: SelectionConfig, seed: int, number: int, count: in
 
 def judged_pull(config: SelectionConfig, stage: Stage, seed: int, repeat: int, sleep: bool = True) -> dict[str, Any]:
     """The verdict of one pull as plain values; `repeat` decides the noise."""
-    verdict = pull(config, stage, episode_rng(seed, repeat, f"noise {stage.target}"), unlogged, sleep).verdict
+    noise = episode_rng(seed, repeat, f"noise {stage.target}")
+    verdict = pull(config, stage, noise, unlogged, sleep, aftermath=0.0).verdict
     return {
         "outcome": verdict.outcome.value,
         "failure": verdict.failure,

@@ -7,7 +7,7 @@ import numpy as np
 
 from jenga_data.collect.config import SelectionConfig
 from jenga_data.collect.draws import episode_rng
-from jenga_data.collect.observe import observe
+from jenga_data.collect.observe import AFTERMATH_SECONDS, let_sleep, observe
 from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage, set_stage
@@ -33,13 +33,15 @@ def pull(
     noise: np.random.Generator,
     open_log: Callable[[str], AbstractContextManager[Recorder]],
     sleep: bool = True,
+    aftermath: float = AFTERMATH_SECONDS,
 ) -> Result:
     """Pull the target of a stage and see what becomes of the tower.
 
     Args:
         noise: draws the speeds along y and z.
         open_log: given the scene's MJCF.
-        sleep: whether the tower may sleep once it is at rest after the pull.
+        sleep: whether the tower may sleep once it is at rest and the target clear or let go.
+        aftermath: how long a collapse is shown [s].
     """
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
@@ -60,6 +62,8 @@ def pull(
             recording.action(recording.frame - 1, velocity * period, moved)
             if recording.has_collapsed() or recording.distance_clear() > _AWAY:
                 break
+            if sleep and recording.clear_frame() >= 0:
+                let_sleep(recording)
             ago = recording.frame - round(config.patience / period)
             if ago >= 0 and recording.target_x(ago) - recording.target_x() < config.least_progress:
                 break
@@ -67,5 +71,5 @@ def pull(
         if recording.clear_frame() < 0:
             servo.let_go()
         recording.phase("observe")
-        observe(recording, config.physics, lambda _: servo.step(), sleep)
+        observe(recording, config.physics, lambda _: servo.step(), sleep, aftermath)
         return recording.finish()

@@ -1,0 +1,186 @@
+"""`jenga calibrate`: how the simulated tower behaves, next to what is known of real ones. Heavy imports stay inside."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from jenga_data.collect.config import SelectionConfig
+from jenga_data.command_line import Json, MaybeFloat, Shown, Verb
+
+if TYPE_CHECKING:
+    from jenga_data.calibrate.run import Run
+
+_OUT = Path("runs/calibrate")
+_SEED = 800_000
+"""Below the seeds of evaluation, above any that data are collected with."""
+
+
+def _run(towers: int, seed: int, workers: int, out: Path) -> "Run":
+    from jenga_data.calibrate.run import Run
+
+    return Run(towers, seed, workers, out)
+
+
+def _shown(json: bool, report: dict[str, Any]) -> Shown:
+    text = f"{report.pop('text')}\nwritten: {', '.join(report['written'])}"
+    return Shown(json, report, text)
+
+
+def movable(
+    towers: int = 45,
+    force_limit: MaybeFloat = None,
+    friction: MaybeFloat = None,
+    seed: int = _SEED,
+    workers: int = 2,
+    out: Path = _OUT,
+    json: Json = False,
+) -> Shown:
+    """Push every block of fresh towers: how many slide out, and at which force.
+
+    Args:
+        towers: fresh towers of 54 blocks, about a minute and a half of CPU each.
+        force_limit: the most force of a push [N].
+        friction: of wood on wood; by default that of all data.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.movable import MovableConfig, movable_report
+
+    config = MovableConfig()
+    if force_limit is not None:
+        config = replace(config, push=replace(config.push, force_limit=force_limit))
+    if friction is not None:
+        config = replace(config, physics=replace(config.physics, friction=friction))
+    return _shown(json, movable_report(_run(towers, seed, workers, out), config))
+
+
+def contacts(
+    towers: int = 100,
+    few: int = 12,
+    settings: tuple[str, ...] = (),
+    seed: int = _SEED,
+    workers: int = 2,
+    out: Path = _OUT,
+    json: Json = False,
+) -> Shown:
+    """Compare contact settings at rest, in play and under a pull.
+
+    Args:
+        towers: fresh towers that rest for 10 s under the chosen setting.
+        few: fresh towers that rest under each of the others; twice as many play and are pulled at.
+        settings: names of the settings to compare; by default all.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.contacts import SETTINGS, contacts_report
+
+    run = _run(towers, seed, workers, out)
+    return _shown(json, contacts_report(run, SelectionConfig(), min(few, towers), settings or tuple(SETTINGS)))
+
+
+def ceiling(
+    towers: int = 200,
+    targets: int = 3,
+    repeats: int = 10,
+    repeated: int = 100,
+    seed: int = _SEED,
+    workers: int = 2,
+    out: Path = _OUT,
+    json: Json = False,
+) -> Shown:
+    """Make the same pulls again with other noise: how well anyone could predict their outcome.
+
+    Args:
+        towers: of random rounds.
+        targets: legal targets of each, pulled twice.
+        repeats: pulls of the same target, for the first of them...
+        repeated: ...about so many.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.ceiling import ceiling_report
+
+    run = _run(towers, seed, workers, out)
+    return _shown(json, ceiling_report(run, SelectionConfig(), targets, max(2, repeats), repeated))
+
+
+def speed(
+    towers: int = 60,
+    speeds: tuple[float, ...] = (0.02, 0.05, 0.1, 0.2, 0.4),
+    seed: int = _SEED,
+    workers: int = 2,
+    out: Path = _OUT,
+    json: Json = False,
+) -> Shown:
+    """Pull the same targets at several speeds.
+
+    Args:
+        towers: of random rounds, one target each.
+        speeds: of the pull [m/s].
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.speed import speed_report
+
+    return _shown(json, speed_report(_run(towers, seed, workers, out), SelectionConfig(), speeds))
+
+
+def sleep(towers: int = 400, seed: int = _SEED, workers: int = 2, out: Path = _OUT, json: Json = False) -> Shown:
+    """Compare the outcomes of pulls with and without sleep, and with starts a micrometre apart.
+
+    Args:
+        towers: of random rounds, one target each.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.sleep import sleep_report
+
+    return _shown(json, sleep_report(_run(towers, seed, workers, out), SelectionConfig()))
+
+
+def rounds(towers: int = 40, seed: int = _SEED, workers: int = 2, out: Path = _OUT, json: Json = False) -> Shown:
+    """Count the tries until a tower of each round stands, and what rejecting the others changes.
+
+    Args:
+        towers: seeds a round.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.rounds import rounds_report
+
+    return _shown(json, rounds_report(_run(towers, seed, workers, out), SelectionConfig()))
+
+
+def turntable(
+    towers: int = 300, round: int = 15, seed: int = _SEED, workers: int = 2, out: Path = _OUT, json: Json = False
+) -> Shown:
+    """Turn towers by 180 degrees on the turntable.
+
+    Args:
+        towers: how many.
+        round: of each of them.
+        seed: decides the towers.
+        workers: processes that simulate.
+        out: folder of the report; the same command goes on where it was interrupted.
+    """
+    from jenga_data.calibrate.turntable import turntable_report
+
+    return _shown(json, turntable_report(_run(towers, seed, workers, out), SelectionConfig(), round))
+
+
+def calibrate() -> dict[str, Verb]:
+    return {
+        "movable": movable,
+        "contacts": contacts,
+        "ceiling": ceiling,
+        "speed": speed,
+        "rounds": rounds,
+        "turntable": turntable,
+        "sleep": sleep,
+    }
