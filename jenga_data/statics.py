@@ -59,6 +59,8 @@ class Equilibrium:
     """-1 for the table."""
     force: Float[np.ndarray, " contact"]
     """Normal force of each contact corner [N]."""
+    xy: Float[np.ndarray, "contact 2"]
+    """Where each contact corner is, seen from above [m]."""
     stands: bool
 
     def load_on(self, block: int) -> float:
@@ -85,7 +87,8 @@ def solve(
             not what is found.
     """
     stacked = _stack_heights(blocks, layout)
-    gaps = _gap_model(blocks, planar, layout, _contact_corners(blocks, layout, planar, without), stacked)
+    corners = _contact_corners(blocks, layout, planar, without)
+    gaps = _gap_model(blocks, planar, layout, corners, stacked)
     mass = _effective_mass(blocks, gaps)
     weight = np.zeros((len(blocks), 3))
     weight[:, 0] = blocks.mass * GRAVITY
@@ -117,6 +120,7 @@ def solve(
         upper=gaps.upper,
         lower=gaps.lower,
         force=force,
+        xy=corners.xy,
         stands=bool(at_rest and np.abs(pose[:, 1:]).max() < _MAX_TILT),
     )
 

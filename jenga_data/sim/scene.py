@@ -13,6 +13,13 @@ TABLE_TOP = 0.0
 """The tower's bottom stands at z = 0."""
 
 _STEEL = (*palette.STEEL, 1.0)
+_TURNTABLE_MASS = 3.5
+"""A steel disc [kg]."""
+_DRIVE_STIFFNESS = 1e4
+"""Of the turntable's drive [N m/rad]: the torque of a pull at a block, about 0.1 N m, turns it by 1e-5 rad."""
+_DRIVE_INERTIA = 1.0
+"""What the drive's rotor weighs behind its gear [kg m^2]: a full tower has 0.001. The drive's own frequency, 100 rad/s,
+is slow against a physics step."""
 _PAD_IMPEDANCE = 0.999
 """Of a fingertip's contact: stiffer than wood on wood, so that what is held does not creep out of the hand."""
 
@@ -40,11 +47,22 @@ def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
         name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.6, 0.02], pos=[0, 0, TABLE_TOP - 0.03],
         rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
     )  # fmt: skip
-    spec.worldbody.add_geom(
-        name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, 0.005, 0],
-        pos=[0, 0, TABLE_TOP - 0.005], rgba=_STEEL, **wood_contact(physics),
-    )  # fmt: skip
+    _add_turntable(spec, physics)
     return spec
+
+
+def _add_turntable(spec: mujoco.MjSpec, physics: PhysicsConfig) -> None:
+    """A disc on a hinge about z, held by a geared drive: joint, actuator and geom are all named `turntable`."""
+    body = spec.worldbody.add_body(name="turntable")
+    # MuJoCo keeps awake what has an actuator, and then everything that stands on it.
+    body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
+    body.add_joint(name="turntable", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], armature=_DRIVE_INERTIA)
+    body.add_geom(
+        name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, 0.005, 0],
+        pos=[0, 0, TABLE_TOP - 0.005], mass=_TURNTABLE_MASS, rgba=_STEEL, **wood_contact(physics),
+    )  # fmt: skip
+    drive = spec.add_actuator(name="turntable", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="turntable")
+    drive.set_to_position(kp=_DRIVE_STIFFNESS, kv=2 * np.sqrt(_DRIVE_STIFFNESS * _DRIVE_INERTIA))
 
 
 def wood_contact(physics: PhysicsConfig) -> dict[str, object]:

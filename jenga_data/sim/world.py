@@ -1,5 +1,7 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
+from functools import cached_property
+
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
@@ -10,6 +12,11 @@ from jenga_data.geometry import rotation_matrices
 from jenga_data.tower import Layout, TowerState
 
 _SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
+_DERIVED = (
+    "xpos", "xquat", "xmat", "xipos", "ximat", "xanchor", "xaxis", "geom_xpos", "geom_xmat", "subtree_com", "cinert",
+    "cdof",
+)  # fmt: skip
+"""What `mj_kinematics` and `mj_comPos` make of the positions of bodies and geoms."""
 STATE_SPEC = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 
 
@@ -48,6 +55,11 @@ class World:
         """Whether every block sleeps."""
         return bool(self._asleep().all())
 
+    @property
+    def awake_blocks(self) -> list[int]:
+        """Numbers of the blocks that do not sleep."""
+        return np.flatnonzero(~self._asleep()).tolist()
+
     def _asleep(self) -> Bool[np.ndarray, " block"]:
         return self.data.tree_asleep[self._tree] >= 0
 
@@ -73,6 +85,44 @@ class World:
         self.data.qpos[self._qpos] = pose
         self.data.qvel[self._qvel] = 0.0
         mujoco.mj_forward(self.model, self.data)
+
+    def move_asleep(
+        self, pose: Float[np.ndarray, "block 7"], twist: Float[np.ndarray, "block 6"], table: tuple[float, float]
+    ) -> None:
+        """Put the sleeping tower and its turntable somewhere without waking them.
+
+        MuJoCo wakes what it finds at another place than it computed last, or with a velocity, when it steps. So the
+        derived positions are computed apart and put in place here; the velocities are for whoever reads the state,
+        and have to be taken away (`halt`) before the next step.
+
+        Args:
+            pose: where the blocks are.
+            twist: velocities in the world, as of `twist` [m/s, rad/s].
+            table: angle [rad] and rate [rad/s] of the turntable.
+        """
+        data = self.data
+        rotation = rotation_matrices(pose[:, 3:])
+        data.qpos[self._qpos] = pose
+        data.qvel[self._qvel[:, :3]] = twist[:, :3]
+        data.qvel[self._qvel[:, 3:]] = np.einsum("bji,bj->bi", rotation, twist[:, 3:])
+        data.joint("turntable").qpos[0], data.joint("turntable").qvel[0] = table
+        self._elsewhere.qpos[:] = data.qpos
+        flags = self.model.opt.enableflags
+        self.allow_sleep(False)
+        mujoco.mj_kinematics(self.model, self._elsewhere)
+        mujoco.mj_comPos(self.model, self._elsewhere)
+        self.model.opt.enableflags = flags
+        for name in _DERIVED:
+            getattr(data, name)[:] = getattr(self._elsewhere, name)
+
+    @cached_property
+    def _elsewhere(self) -> mujoco.MjData:
+        return mujoco.MjData(self.model)
+
+    def halt(self) -> None:
+        """Take the velocities of the blocks and the turntable away."""
+        self.data.qvel[self._qvel] = 0.0
+        self.data.joint("turntable").qvel[0] = 0.0
 
     def tower_state(self) -> TowerState:
         return TowerState(self.blocks, self.layout, self.pose, self.twist)

@@ -52,6 +52,7 @@ def test_plain_mujoco_loads_the_scene_and_starts_where_it_was(world):
 def test_the_scene_keeps_how_it_was_simulated(world, field):
     model = mujoco.MjModel.from_xml_string(xml_with_start(world.spec, world.data))
     assert getattr(model.opt, field) == getattr(world.model.opt, field)
+    np.testing.assert_array_equal(model.tree_sleep_policy, world.model.tree_sleep_policy)
     for contact in ("geom_friction", "geom_solref", "geom_solimp", "geom_condim", "geom_priority", "geom_contype"):
         np.testing.assert_allclose(getattr(model, contact), getattr(world.model, contact), rtol=1e-5)
 
