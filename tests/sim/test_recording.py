@@ -2,13 +2,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from kept_record import Kept
 from short_tower import EXTRACTION, short_tower, world_of
 
 from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE, RandomPull, executable
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.rest import WINDOW
-from jenga_data.episode import Action, Contacts, Frame, GripperSample, Phase, Result
+from jenga_data.episode import Contacts
 from jenga_data.outcome import Outcome
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.world import World
@@ -18,31 +19,6 @@ PHYSICS = PhysicsConfig(timestep_ns=4_000_000)
 STEPS = 8
 FRAMES_IN_TWO_SECONDS = 63
 CLEAR = 0.2
-
-
-class Kept:
-    """A recorder that keeps what it is handed."""
-
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
-        self.results: list[Result] = []
-        self.phases: list[Phase] = []
-        self.actions: list[Action] = []
-
-    def frame(self, frame: Frame) -> None:
-        self.frames.append(frame)
-
-    def action(self, action: Action) -> None:
-        self.actions.append(action)
-
-    def gripper(self, sample: GripperSample) -> None:
-        raise AssertionError("there is no gripper here")
-
-    def phase(self, phase: Phase) -> None:
-        self.phases.append(phase)
-
-    def finish(self, result: Result) -> None:
-        self.results.append(result)
 
 
 class Puppet(World):
