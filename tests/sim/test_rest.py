@@ -101,7 +101,7 @@ def test_numbers_that_are_none_are_no_rest():
 
 def leaning(off: float, slope: float, physics: PhysicsConfig) -> World:
     """A level, a block across it, and one across that, `off` its middle [m], on a table that slopes by `slope`."""
-    length, width, height = NOMINAL_SIZE
+    _, width, height = NOMINAL_SIZE
     grid = np.array([[0, 1, 2], [-1, 3, -1], [-1, 4, -1]])
     pose = np.zeros((5, 7))
     pose[:, 1] = np.array([-1, 0, 1, 0, 0]) * (width + 0.0002)
