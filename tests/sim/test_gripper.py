@@ -2,7 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from short_tower import short_tower, world_of
+from short_tower import PHYSICS, short_tower, world_of
 
 from jenga_data.collect.spawn import GrownTower, shifted
 from jenga_data.episode import Contacts
@@ -47,7 +47,7 @@ def grasp() -> tuple[World, Gripper, int]:
     """A hand around the end of a block that sticks out by 2 cm, its fingers closed."""
     tower = short_tower(2)
     target = int(tower.layout.grid[0, 1])
-    out: GrownTower | None = shifted(tower, target, -0.02, 1e6)
+    out: GrownTower | None = shifted(tower, target, -0.02, PHYSICS.contact_law)
     assert out is not None
     world = world_of(out, hand_before=target)
     gripper = Gripper(world, CONFIG)

@@ -2,12 +2,14 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from kept_record import Kept
 from short_tower import EXTRACTION, short_tower, world_of
 
 from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE, RandomPull, executable
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recorder, Recording
-from jenga_data.episode import Action, Contacts, Frame, GripperSample, Phase, Result
+from jenga_data.collect.rest import WINDOW
+from jenga_data.episode import Contacts
 from jenga_data.outcome import Outcome
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.world import World
@@ -17,31 +19,6 @@ PHYSICS = PhysicsConfig(timestep_ns=4_000_000)
 STEPS = 8
 FRAMES_IN_TWO_SECONDS = 63
 CLEAR = 0.2
-
-
-class Kept:
-    """A recorder that keeps what it is handed."""
-
-    def __init__(self) -> None:
-        self.frames: list[Frame] = []
-        self.results: list[Result] = []
-        self.phases: list[Phase] = []
-        self.actions: list[Action] = []
-
-    def frame(self, frame: Frame) -> None:
-        self.frames.append(frame)
-
-    def action(self, action: Action) -> None:
-        self.actions.append(action)
-
-    def gripper(self, sample: GripperSample) -> None:
-        raise AssertionError("there is no gripper here")
-
-    def phase(self, phase: Phase) -> None:
-        self.phases.append(phase)
-
-    def finish(self, result: Result) -> None:
-        self.results.append(result)
 
 
 class Puppet(World):
@@ -222,10 +199,39 @@ def test_of_a_collapse_a_little_is_shown(stage):
     assert stage.recording.verdict().outcome is Outcome.COLLAPSED
 
 
-def test_a_tower_may_sleep_only_after_it_was_watched_awake(stage):
+def test_a_tower_may_sleep_only_after_it_was_seen_to_rest_while_it_was_watched(stage):
+    stage.wait(3 * WINDOW)
     began = stage.world.time_ns
     watch(stage)
-    assert stage.world.allowed_at_ns[0] - began >= 0.5e9
+    assert stage.world.allowed_at_ns[0] - began == WINDOW * PERIOD_NS
+
+
+def test_a_tower_does_not_sleep_before_it_has_rested_for_as_long_after_its_last_motion(stage):
+    began = stage.world.time_ns
+
+    def stirs(frame: int) -> None:
+        if frame <= 20:
+            stage.move(int(stage.world.layout.grid[3, 0]), 0, 0.0005, 0)
+
+    watch(stage, stirs)
+    assert stage.world.allowed_at_ns[0] - began == (20 + WINDOW) * PERIOD_NS
+
+
+def test_a_target_keeps_a_tower_awake_until_it_is_clear(stage):
+    """A block that is carried away may sink or drift, but one that is still in the tower may yet bring it down."""
+    began = stage.world.time_ns
+
+    def drifts(frame: int) -> None:
+        stage.move(stage.target, -CLEAR if frame == 20 else -0.0005, 0, 0)
+
+    watch(stage, drifts)
+    assert 20 * PERIOD_NS <= stage.world.allowed_at_ns[0] - began <= 21 * PERIOD_NS
+
+
+def test_a_tower_that_may_not_sleep_does_not(stage):
+    observe(stage.recording, PHYSICS, lambda _: stage.world.step(), sleep=False)
+    assert not stage.world.allowed_at_ns
+    assert stage.recording.frame == FRAMES_IN_TWO_SECONDS
 
 
 # --- physics that break --------------------------------------------------------------------------------------------

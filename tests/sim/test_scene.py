@@ -84,6 +84,7 @@ def test_a_scene_has_one_start(world):
     [
         PHYSICS,
         PhysicsConfig(timestep_ns=1_000_000, integrator="discrete", impratio=10.0, friction=0.4, time_constant=0.02),
+        PhysicsConfig(touch_impedance=0.8, impedance=0.95, impedance_width=1e-4),
     ],
 )
 def test_a_scene_is_simulated_as_configured(physics):
@@ -101,6 +102,8 @@ def test_a_scene_is_simulated_as_configured(physics):
     for geom in ("table", "turntable", "block_0", "block_2"):
         assert model.geom(geom).friction[0] == physics.friction
         assert model.geom(geom).solref.tolist() == [physics.time_constant, physics.damping_ratio]
+        soft, stiff, width = physics.touch_impedance, physics.impedance, physics.impedance_width
+        assert model.geom(geom).solimp.tolist() == [soft, stiff, width, 0.5, 2.0]
 
 
 def test_blocks_have_their_measured_sizes_and_masses():
@@ -110,12 +113,22 @@ def test_blocks_have_their_measured_sizes_and_masses():
         assert world.model.body(f"block_{i}").mass[0] == mass
 
 
-def test_a_contact_spring_is_as_stiff_as_the_statics_take_it_to_be():
-    """A block on the table: how far it sinks decides it, through four corners."""
-    world = world_of(short_tower(1))
+@pytest.mark.parametrize(
+    "physics",
+    [
+        PHYSICS,
+        replace(PHYSICS, touch_impedance=0.5, impedance=0.99, impedance_width=2e-4),
+        replace(PHYSICS, time_constant=0.01, damping_ratio=1.0),
+    ],
+    ids=["default", "wide", "slow"],
+)
+def test_a_contact_at_rest_bears_what_the_statics_take_it_to_bear(physics):
+    """A block on the table stands on four corners; how far it sinks must give a quarter of its weight."""
+    world = world_of(short_tower(1), physics=physics)
     world.step(500)
     sink = world.blocks.size[:, 2] / 2 - world.pose[:, 2]
-    np.testing.assert_allclose(sink, GRAVITY / 4 / PHYSICS.contact_stiffness, rtol=0.1)
+    assert (sink > 1e-5).all()
+    np.testing.assert_allclose(4 * physics.contact_law.force(sink), GRAVITY, rtol=1e-4)
 
 
 def full_tower_states() -> list[tuple[World, np.ndarray]]:
@@ -167,7 +180,9 @@ def test_a_sparse_jacobian_gives_the_accelerations_of_a_dense_one():
         ({"integrator": "RK4"}, "'RK4'; allowed: discrete, implicitfast"),
         ({"friction": 0.0}, "must be positive"),
         ({"impratio": -1.0}, "must be positive"),
-        ({"impedance": 1.0}, "impedance is 1.0; allowed: between 0 and 1"),
+        ({"impedance": 1.0}, "impedance is 1.0; allowed: 0 < touch-impedance <= impedance < 1"),
+        ({"touch_impedance": 0.0}, "touch-impedance is 0.0"),
+        ({"touch_impedance": 0.9995}, "touch-impedance is 0.9995, physics.impedance is 0.999;"),
     ],
 )
 def test_physics_that_cannot_be_is_refused(change, message):
