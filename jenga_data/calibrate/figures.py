@@ -125,12 +125,17 @@ def tries(by_round: dict[str, dict[str, Any]]) -> Figure:
     return figure
 
 
-def turntable(after: Float[np.ndarray, " tower"], friction: Float[np.ndarray, " tower"]) -> Figure:
-    """Left: what moved after the turn, right: the friction that rigid turning leaves out."""
+def turntable(
+    after: Float[np.ndarray, " tower"], unturned: Float[np.ndarray, " tower"], friction: Float[np.ndarray, " computed"]
+) -> Figure:
+    """Left: what moved after the turn and without it, right: the friction that rigid turning leaves out."""
     figure = Figure(figsize=(11, 4.2), layout="constrained")
     left, right = figure.subplots(1, 2)
-    left.hist(after, bins=30, color=BLUE)
-    left.set(xlabel="largest movement in the second after the turn [mm]", ylabel="towers")
+    bins = np.linspace(0, max(after.max(), unturned.max()), 31)
+    left.hist(unturned, bins=list(bins), color=SKY_BLUE, label="never turned")
+    left.hist(after, bins=list(bins), color=BLUE, histtype="step", linewidth=2, label="after the turn")
+    left.set(xlabel="largest movement in a second awake [mm]", ylabel="towers")
+    left.legend()
     right.hist(100 * friction, bins=30, color=ORANGE)
     right.set(xlabel="friction needed, of what is there [%]", ylabel="towers")
     return figure

@@ -1,20 +1,26 @@
 """Whether a tower stands being turned: by half a turn, asleep, and then awake again."""
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from jenga_data.collect.config import CollectConfig
+from jenga_data.calibrate import figures
+from jenga_data.calibrate.run import Run, quantiles
+from jenga_data.collect.config import CollectConfig, SelectionConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.rest import at_rest
 from jenga_data.collect.stage import standing_tower
 from jenga_data.errors import JengaError
 from jenga_data.outcome import THRESHOLDS, collapsed
+from jenga_data.report import markdown_table, number
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.turntable import TURN_SECONDS, MinimumJerk, Turntable, friction_needed
 from jenga_data.sim.world import World
+from jenga_data.statistics import Proportion
 from jenga_data.tower import TowerState, turn_poses
 
 HALF_TURN = np.pi
@@ -93,3 +99,34 @@ def _fall_asleep(world: World, steps_a_frame: int, name: str) -> None:
 def _farthest(pose: Float[np.ndarray, "block 7"], other: Float[np.ndarray, "block 7"]) -> float:
     """Of all blocks the largest distance between two places [m]."""
     return float(np.linalg.norm(pose[:, :3] - other[:, :3], axis=1).max())
+
+
+def turntable_report(run: Run, config: SelectionConfig, round_number: int) -> dict[str, Any]:
+    """Turn towers of one round by half a turn."""
+    spawn = replace(config.spawn, first_round=round_number, last_round=round_number)
+    arguments = {"config": replace(config, spawn=spawn), "seed": run.seed}
+    results = run.cases("turntable", [(turn_case, arguments | {"number": n}) for n in range(run.towers)])
+    names = ("displaced_mm", "after_mm", "unturned_mm", "friction")
+    column = {name: np.array([r[name] for r in results if r[name] is not None], float) for name in names}
+    report = {
+        "fallen": Proportion.of(np.array([r["fell"] for r in results], bool)).as_dict(),
+        **{name: quantiles(column[name]) for name in names},
+        "round": round_number,
+        "towers": run.towers,
+        "seed": run.seed,
+    }
+    rows = [
+        (label, *(report[name][q] for q in ("median", "largest")))
+        for name, label in (
+            ("displaced_mm", "displaced against the table while turning [mm]"),
+            ("after_mm", "moved in the second after it, awake [mm]"),
+            ("unturned_mm", "moved in that second without a turn, awake [mm]"),
+            ("friction", "friction needed over friction there"),
+        )
+    ]
+    text = (
+        f"{run.towers} towers of round {round_number} turned by 180 degrees; fallen: {number(report['fallen'])}.\n\n"
+        + markdown_table(("Largest of all blocks of a tower", "Median tower", "Worst tower"), rows)
+    )
+    draw = partial(figures.turntable, column["after_mm"], column["unturned_mm"], column["friction"])
+    return run.write("turntable", report, text, draw)
