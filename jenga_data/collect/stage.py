@@ -38,7 +38,7 @@ class Stage:
 
     @classmethod
     def of(cls, standing: TowerState, target: int, face: int, tries: int = 1) -> "Stage":
-        """Turn a tower so that `face` of `target` is at -x."""
+        """Turn a tower so that `face` of `target` is at -x; it must stand as it was grown, and not be turned yet."""
         turn = quarter_turns_for(standing.layout, target, face)
         return cls(standing.turned(turn), target, turn, face, tries)
 
