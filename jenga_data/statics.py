@@ -286,6 +286,9 @@ def _gap_model(
         column[held, side] = 3 * rank[b][:, None] + np.arange(3)
         value[held, side] = sign * np.stack([np.ones(len(b)), lever[:, 1], -lever[:, 0]], axis=1)
         offset[held] += sign * stacked[b] - blocks.size[b, 2] / 2
+        if sign < 0:  # what lies on a wedge touches its tilted top
+            along = lever[:, 0] * np.cos(planar.yaw[b]) + lever[:, 1] * np.sin(planar.yaw[b])
+            offset[held] -= blocks.wedge[b] * along / blocks.size[b, 0]
     # A table contact repeats the upper block's columns with zeros, so that it widens no band.
     grounded = corners.lower == _TABLE
     column[grounded, 1] = column[grounded, 0]

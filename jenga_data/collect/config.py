@@ -21,6 +21,8 @@ class SpawnConfig:
 
     distribution: str = "measured"
     """Which real set the blocks are drawn from: measured, measured-second, nominal."""
+    wedge: bool = False
+    """Whether blocks are a little higher at one end, as real ones are, and not boxes."""
     first_round: int = 1
     last_round: int = LAST_ROUND
     """Rounds are drawn uniformly from these, both included; the paper uses 1 to 15."""

@@ -43,7 +43,7 @@ def grow_tower(config: SpawnConfig, law: ContactLaw, round_number: int, rng: np.
     `load_limit` rests on them, and the tower without them is in equilibrium. None if no move is left or the
     tower that results is in no equilibrium. `law` is that of the contacts.
     """
-    blocks = sample_blocks(config.distribution, rng)
+    blocks = sample_blocks(config.distribution, rng, wedge=config.wedge)
     layout = Layout.fresh(rng.permutation(len(blocks)))
     planar = PlanarPose(np.zeros((len(blocks), 2)), np.zeros(len(blocks)))
     for level in range(len(layout.grid)):

@@ -70,6 +70,7 @@ def write_tower(header: EpisodeHeader) -> pb.Tower:
         target=header.target,
         turn=header.turn,
         face=header.face,
+        wedge=header.blocks.wedge.tolist() if header.blocks.wedge.any() else [],
     )
 
 
@@ -80,8 +81,9 @@ def read_tower(data: bytes) -> tuple[Blocks, Layout, pb.Tower]:
     if not 0 < count <= MAX_BLOCKS:
         raise ValueError(f"a tower of {count} blocks; allowed: 1 to {MAX_BLOCKS}")
     size, mass = doubles(tower.size, count, 3), doubles(tower.mass, count)
-    if not (np.isfinite(size).all() and np.isfinite(mass).all()):
-        raise ValueError("sizes or masses that are no finite numbers")
+    wedge = doubles(tower.wedge, count) if tower.wedge else np.zeros(count)
+    if not all(np.isfinite(values).all() for values in (size, mass, wedge)):
+        raise ValueError("sizes, masses or wedges that are no finite numbers")
     level, slot = np.array(tower.level, np.int64), np.array(tower.slot, np.int64)
     if not len(level) == len(slot) == count:
         raise ValueError(f"{len(level)} levels and {len(slot)} slots for {count} blocks")
@@ -90,7 +92,7 @@ def read_tower(data: bytes) -> tuple[Blocks, Layout, pb.Tower]:
     for name, value, limit in (("target", tower.target, count), ("turn", tower.turn, 4), ("face", tower.face, 2)):
         if not 0 <= value < limit:
             raise ValueError(f"{name} is {value}; allowed: 0 to {limit - 1}")
-    return Blocks(size, mass), Layout.from_places(level, slot, tower.moves), tower
+    return Blocks(size, mass, wedge), Layout.from_places(level, slot, tower.moves), tower
 
 
 # --- one control step ----------------------------------------------------------------------------------------------

@@ -12,6 +12,8 @@ TURNTABLE_RADIUS = 0.12
 TABLE_TOP = 0.0
 """The tower's bottom stands at z = 0."""
 
+TOP = "_top"
+"""Ends the name of a wedge's upper half."""
 _STEEL = (*palette.STEEL, 1.0)
 _TURNTABLE_MASS = 3.5
 """A steel disc [kg]."""
@@ -78,16 +80,37 @@ def wood_contact(physics: PhysicsConfig) -> dict[str, object]:
 def add_tower(
     spec: mujoco.MjSpec, blocks: Blocks, pose: Float[np.ndarray, "block 7"], target: int, physics: PhysicsConfig
 ) -> None:
-    """Add every block as a free body `block_N` with one box geom of the same name; -1 is no target."""
+    """Add every block as a free body `block_N` with a box geom of the same name; -1 is no target.
+
+    A wedge has a second geom, `block_N_top`.
+    """
     colours = palette.block_colours(np.arange(len(blocks)), target if target >= 0 else None)
     for i in range(len(blocks)):
         body = spec.worldbody.add_body(name=f"block_{i}", pos=pose[i, :3], quat=pose[i, 3:])
         body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
         body.add_freejoint(name=f"block_{i}")
-        body.add_geom(
-            name=f"block_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=blocks.size[i] / 2, mass=blocks.mass[i],
-            rgba=[*colours[i], 1.0], **wood_contact(physics),
-        )  # fmt: skip
+        look = {"rgba": [*colours[i], 1.0], **wood_contact(physics)}
+        if blocks.wedge[i]:
+            _add_wedge(body, f"block_{i}", blocks.size[i], blocks.wedge[i], blocks.mass[i], look)
+        else:
+            body.add_geom(
+                name=f"block_{i}", type=mujoco.mjtGeom.mjGEOM_BOX, size=blocks.size[i] / 2, mass=blocks.mass[i], **look
+            )
+
+
+def _add_wedge(
+    body: mujoco.MjsBody, name: str, size: Float[np.ndarray, "3"], wedge: float, mass: float, look: dict[str, object]
+) -> None:
+    """Two boxes of half the height, the upper one tilted: contacts between boxes are those that MuJoCo is best at."""
+    half = size / 2 * [1, 1, 0.5]
+    body.add_geom(
+        name=name, type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=[0, 0, -half[2]], mass=mass / 2, **look
+    )  # fmt: skip
+    tilt = -np.arctan2(wedge, size[0])  # about y: a positive wedge raises the +x end
+    body.add_geom(
+        name=f"{name}{TOP}", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=[0, 0, half[2]],
+        quat=[np.cos(tilt / 2), 0, np.sin(tilt / 2), 0], mass=mass / 2, **look,
+    )  # fmt: skip
 
 
 def add_gripper(

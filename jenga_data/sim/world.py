@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float
 from jenga_data.blocks import Blocks
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Contacts
 from jenga_data.geometry import rotation_matrices
+from jenga_data.sim.scene import TOP
 from jenga_data.tower import Layout, TowerState
 
 _SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
@@ -195,5 +196,9 @@ def _ids_of_geoms(model: mujoco.MjModel) -> np.ndarray:
     names = [model.geom(i).name for i in range(model.ngeom)]
     special = {"table": TABLE, "turntable": TABLE, "left_pad": LEFT_FINGER, "right_pad": RIGHT_FINGER}
     return np.array(
-        [int(n.removeprefix("block_")) if n.startswith("block_") else special.get(n, ROBOT) for n in names], np.int64
+        [
+            int(n.removeprefix("block_").removesuffix(TOP)) if n.startswith("block_") else special.get(n, ROBOT)
+            for n in names
+        ],
+        np.int64,
     )

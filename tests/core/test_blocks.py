@@ -12,12 +12,12 @@ QUANTITIES = [f.name for f in fields(BlockDistribution)]
 
 
 def columns(blocks: Blocks) -> dict[str, np.ndarray]:
-    return dict(zip(QUANTITIES, [*blocks.size.T, blocks.mass], strict=True))
+    return dict(zip(QUANTITIES, [*blocks.size.T, blocks.mass, blocks.wedge], strict=True))
 
 
 @pytest.mark.parametrize("name", DISTRIBUTIONS)
 def test_samples_stay_within_what_was_measured(name):
-    for quantity, values in columns(sample_blocks(name, np.random.default_rng(0), MANY)).items():
+    for quantity, values in columns(sample_blocks(name, np.random.default_rng(0), MANY, wedge=True)).items():
         measured: Quantity = getattr(DISTRIBUTIONS[name], quantity)
         assert measured.low <= values.min() <= values.max() <= measured.high
 
@@ -103,7 +103,7 @@ def test_a_quantity_whose_mean_lies_outside_its_limits_is_refused(change):
 @pytest.mark.parametrize(
     ("size", "mass", "message"),
     [
-        (np.ones((2, 3)), np.ones(3), "2 sizes and 3 masses"),
+        (np.ones((2, 3)), np.ones(3), "2 sizes, 3 masses and 3 wedges"),
         (np.zeros((2, 3)), np.ones(2), "must be positive"),
         (np.ones((2, 3)), np.array([1.0, -1.0]), "must be positive"),
     ],

@@ -24,31 +24,31 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n jenga_data/log/proto/jenga.proto\x12\x08jenga.v1\"{\n\x05Tower\x12\x0c\n\x04size\x18\x01 \x03(\x01\x12\x0c\n\x04mass\x18\x02 \x03(\x01\x12\r\n\x05level\x18\x03 \x03(\x05\x12\x0c\n\x04slot\x18\x04 \x03(\x05\x12\r\n\x05moves\x18\x05 \x01(\r\x12\x0e\n\x06target\x18\x06 \x01(\x05\x12\x0c\n\x04turn\x18\x07 \x01(\x05\x12\x0c\n\x04\x66\x61\x63\x65\x18\x08 \x01(\x05\"8\n\nTowerState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04pose\x18\x02 \x03(\x01\x12\r\n\x05twist\x18\x03 \x03(\x01\"G\n\x08\x43ontacts\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\r\n\x05\x66irst\x18\x02 \x03(\x11\x12\x0e\n\x06second\x18\x03 \x03(\x11\x12\r\n\x05\x66orce\x18\x04 \x03(\x01\"(\n\x08SimState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\r\n\x05state\x18\x02 \x03(\x01\">\n\x06\x41\x63tion\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x14\n\x0c\x64isplacement\x18\x02 \x03(\x01\x12\x0f\n\x07reached\x18\x03 \x03(\x01\"O\n\x07Gripper\x12\x0c\n\x04pose\x18\x01 \x03(\x01\x12\r\n\x05width\x18\x02 \x01(\x01\x12\x12\n\nleft_force\x18\x03 \x03(\x01\x12\x13\n\x0bright_force\x18\x04 \x03(\x01\"$\n\x05Phase\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\"\\\n\x07Outcome\x12\r\n\x05label\x18\x01 \x01(\t\x12\x0f\n\x07\x64ragged\x18\x02 \x01(\x08\x12\r\n\x05moved\x18\x03 \x01(\x01\x12\x13\n\x0b\x63lear_frame\x18\x04 \x01(\x05\x12\r\n\x05\x63\x61use\x18\x05 \x01(\t\"\x82\x01\n\nPrediction\x12\x0f\n\x07\x65pisode\x18\x01 \x01(\t\x12\x16\n\x0e\x65pisode_sha256\x18\x02 \x01(\t\x12\x0c\n\x04name\x18\x03 \x01(\t\x12\x12\n\ncheckpoint\x18\x04 \x01(\t\x12\x0c\n\x04kind\x18\x05 \x01(\t\x12\x1b\n\x13\x66\x61ilure_probability\x18\x06 \x03(\x01\"-\n\x0ePredictedState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04pose\x18\x02 \x03(\x01\x62\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n jenga_data/log/proto/jenga.proto\x12\x08jenga.v1\"\x8a\x01\n\x05Tower\x12\x0c\n\x04size\x18\x01 \x03(\x01\x12\x0c\n\x04mass\x18\x02 \x03(\x01\x12\r\n\x05level\x18\x03 \x03(\x05\x12\x0c\n\x04slot\x18\x04 \x03(\x05\x12\r\n\x05moves\x18\x05 \x01(\r\x12\x0e\n\x06target\x18\x06 \x01(\x05\x12\x0c\n\x04turn\x18\x07 \x01(\x05\x12\x0c\n\x04\x66\x61\x63\x65\x18\x08 \x01(\x05\x12\r\n\x05wedge\x18\t \x03(\x01\"8\n\nTowerState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04pose\x18\x02 \x03(\x01\x12\r\n\x05twist\x18\x03 \x03(\x01\"G\n\x08\x43ontacts\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\r\n\x05\x66irst\x18\x02 \x03(\x11\x12\x0e\n\x06second\x18\x03 \x03(\x11\x12\r\n\x05\x66orce\x18\x04 \x03(\x01\"(\n\x08SimState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\r\n\x05state\x18\x02 \x03(\x01\">\n\x06\x41\x63tion\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x14\n\x0c\x64isplacement\x18\x02 \x03(\x01\x12\x0f\n\x07reached\x18\x03 \x03(\x01\"O\n\x07Gripper\x12\x0c\n\x04pose\x18\x01 \x03(\x01\x12\r\n\x05width\x18\x02 \x01(\x01\x12\x12\n\nleft_force\x18\x03 \x03(\x01\x12\x13\n\x0bright_force\x18\x04 \x03(\x01\"$\n\x05Phase\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04name\x18\x02 \x01(\t\"\\\n\x07Outcome\x12\r\n\x05label\x18\x01 \x01(\t\x12\x0f\n\x07\x64ragged\x18\x02 \x01(\x08\x12\r\n\x05moved\x18\x03 \x01(\x01\x12\x13\n\x0b\x63lear_frame\x18\x04 \x01(\x05\x12\r\n\x05\x63\x61use\x18\x05 \x01(\t\"\x82\x01\n\nPrediction\x12\x0f\n\x07\x65pisode\x18\x01 \x01(\t\x12\x16\n\x0e\x65pisode_sha256\x18\x02 \x01(\t\x12\x0c\n\x04name\x18\x03 \x01(\t\x12\x12\n\ncheckpoint\x18\x04 \x01(\t\x12\x0c\n\x04kind\x18\x05 \x01(\t\x12\x1b\n\x13\x66\x61ilure_probability\x18\x06 \x03(\x01\"-\n\x0ePredictedState\x12\r\n\x05\x66rame\x18\x01 \x01(\r\x12\x0c\n\x04pose\x18\x02 \x03(\x01\x62\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'jenga_data.log.proto.jenga_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_TOWER']._serialized_start=46
-  _globals['_TOWER']._serialized_end=169
-  _globals['_TOWERSTATE']._serialized_start=171
-  _globals['_TOWERSTATE']._serialized_end=227
-  _globals['_CONTACTS']._serialized_start=229
-  _globals['_CONTACTS']._serialized_end=300
-  _globals['_SIMSTATE']._serialized_start=302
-  _globals['_SIMSTATE']._serialized_end=342
-  _globals['_ACTION']._serialized_start=344
-  _globals['_ACTION']._serialized_end=406
-  _globals['_GRIPPER']._serialized_start=408
-  _globals['_GRIPPER']._serialized_end=487
-  _globals['_PHASE']._serialized_start=489
-  _globals['_PHASE']._serialized_end=525
-  _globals['_OUTCOME']._serialized_start=527
-  _globals['_OUTCOME']._serialized_end=619
-  _globals['_PREDICTION']._serialized_start=622
-  _globals['_PREDICTION']._serialized_end=752
-  _globals['_PREDICTEDSTATE']._serialized_start=754
-  _globals['_PREDICTEDSTATE']._serialized_end=799
+  _globals['_TOWER']._serialized_start=47
+  _globals['_TOWER']._serialized_end=185
+  _globals['_TOWERSTATE']._serialized_start=187
+  _globals['_TOWERSTATE']._serialized_end=243
+  _globals['_CONTACTS']._serialized_start=245
+  _globals['_CONTACTS']._serialized_end=316
+  _globals['_SIMSTATE']._serialized_start=318
+  _globals['_SIMSTATE']._serialized_end=358
+  _globals['_ACTION']._serialized_start=360
+  _globals['_ACTION']._serialized_end=422
+  _globals['_GRIPPER']._serialized_start=424
+  _globals['_GRIPPER']._serialized_end=503
+  _globals['_PHASE']._serialized_start=505
+  _globals['_PHASE']._serialized_end=541
+  _globals['_OUTCOME']._serialized_start=543
+  _globals['_OUTCOME']._serialized_end=635
+  _globals['_PREDICTION']._serialized_start=638
+  _globals['_PREDICTION']._serialized_end=768
+  _globals['_PREDICTEDSTATE']._serialized_start=770
+  _globals['_PREDICTEDSTATE']._serialized_end=815
 # @@protoc_insertion_point(module_scope)

@@ -7,7 +7,7 @@ from typing import ClassVar as _ClassVar, Optional as _Optional
 DESCRIPTOR: _descriptor.FileDescriptor
 
 class Tower(_message.Message):
-    __slots__ = ("size", "mass", "level", "slot", "moves", "target", "turn", "face")
+    __slots__ = ("size", "mass", "level", "slot", "moves", "target", "turn", "face", "wedge")
     SIZE_FIELD_NUMBER: _ClassVar[int]
     MASS_FIELD_NUMBER: _ClassVar[int]
     LEVEL_FIELD_NUMBER: _ClassVar[int]
@@ -16,6 +16,7 @@ class Tower(_message.Message):
     TARGET_FIELD_NUMBER: _ClassVar[int]
     TURN_FIELD_NUMBER: _ClassVar[int]
     FACE_FIELD_NUMBER: _ClassVar[int]
+    WEDGE_FIELD_NUMBER: _ClassVar[int]
     size: _containers.RepeatedScalarFieldContainer[float]
     mass: _containers.RepeatedScalarFieldContainer[float]
     level: _containers.RepeatedScalarFieldContainer[int]
@@ -24,7 +25,8 @@ class Tower(_message.Message):
     target: int
     turn: int
     face: int
-    def __init__(self, size: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., level: _Optional[_Iterable[int]] = ..., slot: _Optional[_Iterable[int]] = ..., moves: _Optional[int] = ..., target: _Optional[int] = ..., turn: _Optional[int] = ..., face: _Optional[int] = ...) -> None: ...
+    wedge: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, size: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., level: _Optional[_Iterable[int]] = ..., slot: _Optional[_Iterable[int]] = ..., moves: _Optional[int] = ..., target: _Optional[int] = ..., turn: _Optional[int] = ..., face: _Optional[int] = ..., wedge: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class TowerState(_message.Message):
     __slots__ = ("frame", "pose", "twist")
