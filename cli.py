@@ -15,7 +15,7 @@ import tyro
 
 from jenga_control.commands import demo, evaluate, replay
 from jenga_data.command_line import Shown, Verb
-from jenga_data.commands import collect, convert, dataset, log
+from jenga_data.commands import bench, collect, convert, dataset, log
 from jenga_data.errors import JengaError
 from jenga_models.commands import train
 
@@ -28,6 +28,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     "replay": ("show an episode with models' predictions in rerun", lambda _: replay),
     "dataset": ("list, info, verify", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
+    "bench": ("how fast the parts are (sim)", lambda _: bench()),
 }
 
 

@@ -133,15 +133,15 @@ def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out:
         return
     if workers == 1:
         for number in numbers:
-            yield _work(rollout, seed, number, out)
+            yield run_and_log(rollout, seed, number, out)
         return
     pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"))
     queue, running = iter(numbers), set[Future[tuple[str, str]]]()
     try:
         while True:
             for number in queue:
-                with _interrupts_held():
-                    running.add(pool.submit(_work, rollout, seed, number, out))
+                with interrupts_held():
+                    running.add(pool.submit(run_and_log, rollout, seed, number, out))
                 if len(running) >= 2 * workers:
                     break
             if not running:
@@ -155,10 +155,10 @@ def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out:
             "run the same command again to go on"
         ) from None
     finally:
-        _stop(pool)
+        stop_workers(pool)
 
 
-def _stop(pool: ProcessPoolExecutor) -> None:
+def stop_workers(pool: ProcessPoolExecutor) -> None:
     """End the workers at once: what they were writing is a .partial file, which the next run writes anew."""
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
@@ -169,7 +169,7 @@ def _stop(pool: ProcessPoolExecutor) -> None:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Ctrl-C reaches every process of the terminal; the parent alone decides what it means.
 
     A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
@@ -181,7 +181,8 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _work(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
+def run_and_log(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
+    """One episode into `OUT/<key>.mcap`: its outcome and cause. What a worker does."""
     from jenga_data.log.writer import EpisodeWriter
 
     result = rollout(seed, number, lambda header, xml: EpisodeWriter(out / f"{header.key}.mcap", header, xml))

@@ -1,5 +1,7 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
+from collections.abc import Callable
+
 import mujoco
 import numpy as np
 from jaxtyping import Bool, Float
@@ -147,3 +149,7 @@ def _ids_of_geoms(model: mujoco.MjModel) -> np.ndarray:
     return np.array(
         [int(n.removeprefix("block_")) if n.startswith("block_") else special.get(n, ROBOT) for n in names], np.int64
     )
+
+
+MakeWorld = Callable[[mujoco.MjSpec, Blocks, Layout], World]
+"""Compiles a scene with a tower in it."""
