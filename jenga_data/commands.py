@@ -1,4 +1,4 @@
-"""The verbs that make and look after data: collect, convert, dataset, log. Heavy imports stay inside."""
+"""The verbs that make and look after data: collect, convert, dataset, log, bench. Heavy imports stay inside."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -22,8 +22,7 @@ def collect() -> dict[str, Verb]:
     ) -> Shown:
         from jenga_data.collect.workers import collect as start
 
-        if rounds is not None:
-            config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
         summary = start(config, seed, episodes, workers, out)
         outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
         text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
@@ -72,7 +71,10 @@ def collect() -> dict[str, Verb]:
     return {"selection": selection, "extraction": extraction}
 
 
-def _rounds(text: str) -> dict[str, int]:
+def _rounds(text: str | None) -> dict[str, int]:
+    """The fields of a `SpawnConfig` that --rounds sets."""
+    if text is None:
+        return {}
     first, dash, last = text.partition("-")
     last = last if dash else first
     if not (first.isdecimal() and last.isdecimal()):
@@ -162,3 +164,34 @@ def log() -> dict[str, Verb]:
         return Shown(json, data, "\n".join(f"{key}: {value}" for key, value in data.items()), not report.lost)
 
     return {"info": info, "doctor": doctor, "recover": recover}
+
+
+def bench() -> dict[str, Verb]:
+    from jenga_data.collect.config import SelectionConfig
+
+    def sim(
+        towers: int = 8,
+        config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        workers: int = 2,
+        rounds: MaybeText = None,
+        out: Path = Path("runs/bench-sim"),
+        json: Json = False,
+    ) -> Shown:
+        """What selection episodes cost: physics steps, the log, workers, 2,000 of them.
+
+        Args:
+            towers: episodes to measure; one takes about 20 s, most of it on one core.
+            seed: below 900000.
+            workers: processes that simulate at the same time.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            out: folder of the report: bench-sim.json, .md and .png.
+        """
+        from jenga_data.bench.sim import bench_sim
+
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        report = bench_sim(config, towers, seed, workers, out)
+        text = report.pop("text")
+        return Shown(json, report, f"{text}\n{out}")
+
+    return {"sim": sim}

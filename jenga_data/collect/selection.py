@@ -14,7 +14,7 @@ from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.episode import CONTROL_STEP_NS, Result
 from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.servo import BlockServo
-from jenga_data.sim.world import World
+from jenga_data.sim.world import MakeWorld, World
 
 _AWAY = 0.05
 """The servo carries a block that is clear on by this far [m], so that nothing falls onto it."""
@@ -33,19 +33,28 @@ def pull(
     noise: np.random.Generator,
     open_log: Callable[[str], AbstractContextManager[Recorder]],
     sleep: bool = True,
+<<<<<<< HEAD
     aftermath: float = AFTERMATH_SECONDS,
+=======
+    make_world: MakeWorld = World,
+>>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
 ) -> Result:
     """Pull the target of a stage and see what becomes of the tower.
 
     Args:
         noise: draws the speeds along y and z.
         open_log: given the scene's MJCF.
+<<<<<<< HEAD
         sleep: whether the tower may sleep once it is at rest and the target clear or let go.
         aftermath: how long a collapse is shown [s].
+=======
+        sleep: whether the tower may sleep once it is at rest after the pull.
+        make_world: given the scene and its tower, for who wants to watch each step.
+>>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
     """
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
-    world = World(spec, stage.blocks, stage.layout)
+    world = make_world(spec, stage.blocks, stage.layout)
     limits = np.array([config.force_limit, config.side_force_limit, config.side_force_limit])
     servo = BlockServo(world, stage.target, config.gains, limits)
     period = CONTROL_STEP_NS * 1e-9

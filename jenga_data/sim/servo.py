@@ -24,18 +24,19 @@ class BlockServo:
         """
         self._world = world
         self._body = world.model.body(f"block_{block}").id
-        self._velocity = world.model.body(f"block_{block}").dofadr[0] + np.arange(3)
+        first = int(world.model.body(f"block_{block}").dofadr[0])
+        self._velocity = slice(first, first + 3)
         self._gains = gains
-        self._limit = np.asarray(force_limit, float)
-        self._integral = np.zeros(3)
-        self._wanted = np.zeros(3)
+        self._limit: list[float] = np.asarray(force_limit, float).tolist()
+        self._integral = [0.0, 0.0, 0.0]
+        self._wanted = [0.0, 0.0, 0.0]
         self._on = True
         self.force = np.zeros(3)
         """What it exerts at present [N]."""
 
     def command(self, velocity: Float[np.ndarray, "3"]) -> None:
         """The velocity to keep from now on [m/s]."""
-        self._wanted = np.asarray(velocity, float)
+        self._wanted = np.asarray(velocity, float).tolist()
 
     def let_go(self) -> None:
         """Exert no force from now on."""
@@ -46,10 +47,31 @@ class BlockServo:
     def step(self) -> None:
         """One physics step with the servo's force."""
         if self._on:
+<<<<<<< HEAD
             error = self._wanted - self._world.data.qvel[self._velocity]
             k_p, k_i = self._gains
             step = self._world.model.opt.timestep
             self._integral = np.clip(self._integral + k_i * step * error, -self._limit, self._limit)
             self.force = np.clip(k_p * error + self._integral, -self._limit, self._limit)
             self._world.data.xfrc_applied[self._body, :3] = self.force
+=======
+            self._world.data.xfrc_applied[self._body, :3] = self._force()
+>>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
         self._world.step()
+
+    def _force(self) -> list[float]:
+        """The force of this step [N]. Plain numbers: for three of them numpy takes ten times as long."""
+        k_p, k_i = self._gains
+        gain = k_i * self._world.model.opt.timestep
+        force = []
+        velocity = self._world.data.qvel[self._velocity].tolist()
+        for axis, (wanted, now, limit) in enumerate(zip(self._wanted, velocity, self._limit, strict=True)):
+            error = wanted - now
+            self._integral[axis] = _clip(self._integral[axis] + gain * error, limit)
+            force.append(_clip(k_p * error + self._integral[axis], limit))
+        return force
+
+
+def _clip(value: float, limit: float) -> float:
+    """What is no number stays none, so that broken physics are seen."""
+    return min(max(value, -limit), limit)

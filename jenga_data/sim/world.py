@@ -1,6 +1,10 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
+<<<<<<< HEAD
 from functools import cached_property
+=======
+from collections.abc import Callable
+>>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
 
 import mujoco
 import numpy as np
@@ -202,3 +206,7 @@ def _ids_of_geoms(model: mujoco.MjModel) -> np.ndarray:
         ],
         np.int64,
     )
+
+
+MakeWorld = Callable[[mujoco.MjSpec, Blocks, Layout], World]
+"""Compiles a scene with a tower in it."""

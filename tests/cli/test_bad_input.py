@@ -51,6 +51,12 @@ def test_a_folder_of_something_else_is_no_collection(precious):
     assert {"thesis.txt": b"all of it"}.items() <= contents(precious).items()
 
 
+def test_a_bench_into_a_file(precious):
+    before = contents(precious)
+    assert "choose another --out" in jenga("bench", "sim", "--out", precious / "thesis.txt").line()
+    assert contents(precious) == before
+
+
 @pytest.mark.parametrize("verb", [("eval", "selection", "--model", "m"), ("train", "selection", "--out", "o")])
 def test_an_unknown_dataset_is_told_the_known_ones(verb, selection: Made, monkeypatch):
     monkeypatch.setenv("JENGA_DATASETS", str(selection.path.parent))

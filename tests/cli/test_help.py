@@ -77,6 +77,7 @@ def test_the_list_of_verbs_is_the_design_s():
         "log info",
         "log doctor",
         "log recover",
+        "bench sim",
     }
 
 

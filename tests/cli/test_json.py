@@ -3,7 +3,7 @@
 import json
 import subprocess
 
-from jenga_runs import COLLECT, Made, jenga, run_apart, started
+from jenga_runs import CHEAP, COLLECT, Made, jenga, run_apart, started
 
 from jenga_data.dataset.verify import CHECKS
 
@@ -121,6 +121,18 @@ def test_replay(extraction_logs: Made, simulator: Made, tmp_path):
     said = jenga("replay", log, "--save", rrd, "--json").object()
     assert said == {"episode": str(log), "written": [str(rrd)]}
     assert rrd.stat().st_size > 0
+
+
+def test_bench_sim(tmp_path):
+    said = jenga(
+        *("bench", "sim", *CHEAP, "--speed", 0.3, "--pull-seconds", 0.1),
+        *("--towers", 1, "--workers", 1, "--out", tmp_path / "out", "--json"),
+    ).object()
+    figures = ("awake_step", "logging", "workers", "selection_episodes", "step_at_rest", "step_while_pulling")
+    for name in figures:
+        assert said[name].keys() >= {"value", "unit", "reference", "ratio"}
+    assert said["out"] == str(tmp_path / "out")
+    assert json.loads((tmp_path / "out" / "bench-sim.json").read_text()) == said
 
 
 def test_no_bar_where_stderr_is_no_terminal(extraction_logs: Made):

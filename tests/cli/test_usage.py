@@ -20,6 +20,8 @@ import cli
         (("demo", "--seed", "5.5"), "error parsing --seed: invalid literal for int() with base 10: '5.5'; see"),
         (("demo", "--seed"), "missing value for argument '--seed'. Expected 1 values; see jenga demo --help"),
         (("convert", "--name", "x", "--version", "0.1.0", "--out", "x"), "no folder of logs was given"),
+        (("bench", "sim", "--towers", "0"), "towers is 0 and workers is 2; both must be at least 1"),
+        (("bench", "sim", "--seed", "900000"), "seed is 900000; allowed: 0 to 899999"),
     ],
 )
 def test_wrong_usage(args, says):

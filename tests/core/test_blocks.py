@@ -27,7 +27,7 @@ def test_samples_stay_within_what_was_measured(name):
 def test_samples_follow_the_truncated_normal_distribution(name, quantity):
     """Also near its ends: values that were clipped to the limits would pile up there."""
     measured: Quantity = getattr(DISTRIBUTIONS[name], quantity)
-    values = columns(sample_blocks(name, np.random.default_rng(1), MANY))[quantity]
+    values = columns(sample_blocks(name, np.random.default_rng(1), MANY, wedge=True))[quantity]
     low, high = (measured.low - measured.mean) / measured.sigma, (measured.high - measured.mean) / measured.sigma
     expected = stats.truncnorm(low, high, measured.mean, measured.sigma)
     assert stats.kstest(values, expected.cdf).pvalue > 0.001
@@ -36,15 +36,18 @@ def test_samples_follow_the_truncated_normal_distribution(name, quantity):
 
 def test_the_measured_set_has_the_published_mean_and_spread():
     """Figures of the real set in mm and g; cutting the tails off takes an eighth of the spread at most."""
-    published = {"length": (75.03, 0.278), "width": (24.93, 0.245), "height": (14.84, 0.175), "mass": (19.27, 1.41)}
-    for quantity, values in columns(sample_blocks("measured", np.random.default_rng(2), MANY)).items():
+    published = {
+        "length": (75.03, 0.278), "width": (24.93, 0.245), "height": (14.84, 0.175), "mass": (19.27, 1.41),
+        "wedge": (0.0, 0.070),
+    }  # fmt: skip
+    for quantity, values in columns(sample_blocks("measured", np.random.default_rng(2), MANY, wedge=True)).items():
         mean, sigma = published[quantity]
         assert values.mean() * 1e3 == pytest.approx(mean, abs=0.1 * sigma)
         assert 0.87 * sigma < values.std() * 1e3 < 1.01 * sigma
 
 
 def test_quantities_are_independent():
-    values = np.stack(list(columns(sample_blocks("measured", np.random.default_rng(3), MANY)).values()))
+    values = np.stack(list(columns(sample_blocks("measured", np.random.default_rng(3), MANY, wedge=True)).values()))
     correlation = np.corrcoef(values) - np.eye(len(values))
     assert np.abs(correlation).max() < 4 / np.sqrt(MANY)
 

@@ -1,0 +1,1 @@
+"""How fast the parts are, measured beside what they have to keep up with."""
