@@ -29,7 +29,7 @@ def run_all(work: Callable[[Item], Out], items: Iterable[Item], workers: int) ->
     try:
         while True:
             for item in queue:
-                with _interrupts_held():
+                with interrupts_held():
                     running[pool.submit(work, item)] = item
                 if len(running) >= 2 * workers:
                     break
@@ -39,10 +39,10 @@ def run_all(work: Callable[[Item], Out], items: Iterable[Item], workers: int) ->
             for future in done:
                 yield running.pop(future), future.result()
     finally:
-        _stop(pool)
+        stop_workers(pool)
 
 
-def _stop(pool: ProcessPoolExecutor) -> None:
+def stop_workers(pool: ProcessPoolExecutor) -> None:
     """End the workers at once, whatever they are at."""
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
@@ -53,7 +53,7 @@ def _stop(pool: ProcessPoolExecutor) -> None:
 
 
 @contextmanager
-def _interrupts_held() -> Iterator[None]:
+def interrupts_held() -> Iterator[None]:
     """Ctrl-C reaches every process of the terminal; the parent alone decides what it means.
 
     A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
@@ -65,4 +65,4 @@ def _interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-__all__ = ["BrokenProcessPool", "run_all"]
+__all__ = ["BrokenProcessPool", "interrupts_held", "run_all", "stop_workers"]

@@ -11,8 +11,9 @@ from time import monotonic, perf_counter, process_time
 import numpy as np
 from jaxtyping import Float
 
-from jenga_data.collect.workers import Rollout, interrupts_held, run_and_log, stop_workers
+from jenga_data.collect.workers import Rollout, run_and_log
 from jenga_data.errors import JengaError
+from jenga_data.pool import interrupts_held, stop_workers
 from jenga_data.progress import Bar
 
 
@@ -74,5 +75,5 @@ def _get_ready(folder: Path) -> None:
 
 def _timed_episode(rollout: Rollout, seed: int, number: int, folder: Path) -> tuple[float, float]:
     wall, cpu = perf_counter(), process_time()
-    run_and_log(rollout, seed, number, folder)
+    run_and_log(rollout, seed, folder, number)
     return perf_counter() - wall, process_time() - cpu

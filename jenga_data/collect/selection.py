@@ -33,24 +33,17 @@ def pull(
     noise: np.random.Generator,
     open_log: Callable[[str], AbstractContextManager[Recorder]],
     sleep: bool = True,
-<<<<<<< HEAD
     aftermath: float = AFTERMATH_SECONDS,
-=======
     make_world: MakeWorld = World,
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
 ) -> Result:
     """Pull the target of a stage and see what becomes of the tower.
 
     Args:
         noise: draws the speeds along y and z.
         open_log: given the scene's MJCF.
-<<<<<<< HEAD
         sleep: whether the tower may sleep once it is at rest and the target clear or let go.
         aftermath: how long a collapse is shown [s].
-=======
-        sleep: whether the tower may sleep once it is at rest after the pull.
         make_world: given the scene and its tower, for who wants to watch each step.
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
     """
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)

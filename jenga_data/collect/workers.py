@@ -128,70 +128,18 @@ def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out:
     """Run the numbers. What a worker that is stopped was writing is a .partial file, which the next run writes anew."""
     if not numbers:
         return
-<<<<<<< HEAD
     try:
-        for _, ending in run_all(partial(_work, rollout, seed, out), numbers, min(workers, len(numbers))):
+        for _, ending in run_all(partial(run_and_log, rollout, seed, out), numbers, min(workers, len(numbers))):
             yield ending
-=======
-    if workers == 1:
-        for number in numbers:
-            yield run_and_log(rollout, seed, number, out)
-        return
-    pool = ProcessPoolExecutor(min(workers, len(numbers)), get_context("spawn"))
-    queue, running = iter(numbers), set[Future[tuple[str, str]]]()
-    try:
-        while True:
-            for number in queue:
-                with interrupts_held():
-                    running.add(pool.submit(run_and_log, rollout, seed, number, out))
-                if len(running) >= 2 * workers:
-                    break
-            if not running:
-                return
-            done, running = wait(running, return_when=FIRST_COMPLETED)
-            for future in done:
-                yield future.result()
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
     except BrokenProcessPool:
         raise JengaError(
             f"a worker process died (out of memory, or killed); finished episodes are kept in {out}: "
             "run the same command again to go on"
         ) from None
-<<<<<<< HEAD
 
 
-def _work(rollout: Rollout, seed: int, out: Path, number: int) -> tuple[str, str]:
-=======
-    finally:
-        stop_workers(pool)
-
-
-def stop_workers(pool: ProcessPoolExecutor) -> None:
-    """End the workers at once: what they were writing is a .partial file, which the next run writes anew."""
-    processes = list((pool._processes or {}).values())
-    pool.shutdown(wait=False, cancel_futures=True)
-    for process in processes:
-        process.terminate()
-    for process in processes:
-        process.join()
-
-
-@contextmanager
-def interrupts_held() -> Iterator[None]:
-    """Ctrl-C reaches every process of the terminal; the parent alone decides what it means.
-
-    A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def run_and_log(rollout: Rollout, seed: int, number: int, out: Path) -> tuple[str, str]:
+def run_and_log(rollout: Rollout, seed: int, out: Path, number: int) -> tuple[str, str]:
     """One episode into `OUT/<key>.mcap`: its outcome and cause. What a worker does."""
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
     from jenga_data.log.writer import EpisodeWriter
 
     result = rollout(seed, number, lambda header, xml: EpisodeWriter(out / f"{header.key}.mcap", header, xml))

@@ -47,16 +47,8 @@ class BlockServo:
     def step(self) -> None:
         """One physics step with the servo's force."""
         if self._on:
-<<<<<<< HEAD
-            error = self._wanted - self._world.data.qvel[self._velocity]
-            k_p, k_i = self._gains
-            step = self._world.model.opt.timestep
-            self._integral = np.clip(self._integral + k_i * step * error, -self._limit, self._limit)
-            self.force = np.clip(k_p * error + self._integral, -self._limit, self._limit)
+            self.force = np.array(self._force())
             self._world.data.xfrc_applied[self._body, :3] = self.force
-=======
-            self._world.data.xfrc_applied[self._body, :3] = self._force()
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
         self._world.step()
 
     def _force(self) -> list[float]:

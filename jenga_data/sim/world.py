@@ -1,10 +1,7 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
-<<<<<<< HEAD
-from functools import cached_property
-=======
 from collections.abc import Callable
->>>>>>> 286c22d406d0be939d4ee8af7c34cd18a2735735
+from functools import cached_property
 
 import mujoco
 import numpy as np
