@@ -17,11 +17,11 @@ TOP = "_top"
 _STEEL = (*palette.STEEL, 1.0)
 _TURNTABLE_MASS = 3.5
 """A steel disc [kg]."""
-_DRIVE_STIFFNESS = 1e4
-"""Of the turntable's drive [N m/rad]: the torque of a pull at a block, about 0.1 N m, turns it by 1e-5 rad."""
-_DRIVE_INERTIA = 1.0
-"""What the drive's rotor weighs behind its gear [kg m^2]: a full tower has 0.001. The drive's own frequency, 100 rad/s,
-is slow against a physics step."""
+_DRIVE_STIFFNESS = 4e3
+"""Of the turntable's drive [N m/rad]: the torque of a pull at a block, about 0.1 N m, turns it by 2.5e-5 rad."""
+_DRIVE_INERTIA = 0.025
+"""What the drive's rotor weighs behind its gear [kg m^2], as much as the disc. Together they are fifty times as heavy
+as a tower, and still slow enough for the physics step: their frequency on the drive is 280 rad/s."""
 _PAD_IMPEDANCE = 0.999
 """Of a fingertip's contact: stiffer than wood on wood, so that what is held does not creep out of the hand."""
 

@@ -61,7 +61,7 @@ class Turntable:
         self._drive = world.model.actuator("turntable").id
         _, stiffness, damping = -world.model.actuator("turntable").biasprm[:3]
         self._lead = damping / stiffness  # [s]
-        self._inertia = self._joint.armature[0] / stiffness  # [s^2]
+        self._inertia = world.model.dof_M0[self._joint.dofadr[0]] / stiffness  # of rotor and table [s^2]
 
     @property
     def angle(self) -> float:
@@ -73,9 +73,8 @@ class Turntable:
         """Where the drive holds the table [rad]; while it turns, what makes it follow: its lag is fed forward."""
         return float(self._world.data.ctrl[self._drive])
 
-    def turn(self, angle: float, seconds: float = TURN_SECONDS) -> Iterator[float]:
-        """Turn table and tower by `angle` [rad], one physics step each time the iterator is asked; it gives the
-        angle made so far [rad].
+    def turn(self, angle: float, seconds: float = TURN_SECONDS) -> Iterator[None]:
+        """Turn table and tower by `angle` [rad], one physics step each time the iterator is asked.
 
         A step steps the world, so that whatever is awake moves on; then it puts table and blocks where the profile
         has them at that time, rotated from where they were at the start. The state is that of a table which turns:
@@ -103,7 +102,7 @@ class Turntable:
         if len(beside):
             raise ValueError(f"blocks {beside.tolist()} lie beside the turntable; they would not turn with it")
 
-    def _steps(self, profile: MinimumJerk) -> Iterator[float]:
+    def _steps(self, profile: MinimumJerk) -> Iterator[None]:
         world = self._world
         pose, table, set_point = world.pose, self.angle, self.set_point
         timestep = world.model.opt.timestep
@@ -117,7 +116,9 @@ class Turntable:
             turned = turn_poses(pose, angle)
             world.move_asleep(turned, turning(turned, rate), (table + angle, rate))
             world.data.ctrl[self._drive] = set_point + angle + self._lead * rate + self._inertia * acceleration
-            yield angle
+            if k == count:
+                world.halt()  # a rate of -0.0 would wake the tower
+            yield
 
 
 def whole_frames(seconds: float) -> int:
