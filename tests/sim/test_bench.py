@@ -97,7 +97,7 @@ def test_a_watched_episode_is_the_one_that_is_collected(tmp_path):
         (tmp_path / name).mkdir()
     with short_towers():
         trace = trace_episode(SELECTION, 3, 1, tmp_path / "watched")
-    run_and_log(partial(run_short, SELECTION), 3, 1, tmp_path / "collected")
+    run_and_log(partial(run_short, SELECTION), 3, tmp_path / "collected", 1)
     (watched,), (collected,) = ([*(tmp_path / name).iterdir()] for name in ("watched", "collected"))
     assert watched.name == collected.name
     assert watched.read_bytes() == collected.read_bytes()
