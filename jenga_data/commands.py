@@ -181,7 +181,7 @@ def bench() -> dict[str, Verb]:
         """What selection episodes cost: physics steps, the log, workers, 2,000 of them.
 
         Args:
-            towers: episodes to measure; one takes about 20 s, most of it on one core.
+            towers: episodes to measure; one takes about 20 s on idle cores.
             seed: below 900000.
             workers: processes that simulate at the same time.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
