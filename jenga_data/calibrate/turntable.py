@@ -130,8 +130,8 @@ def turntable_report(run: Run, config: SelectionConfig, round_number: int) -> di
         )
     ]
     text = (
-        f"Towers of round {round_number} that fell asleep: {number(report['rested'])}; turned by 180 degrees, they fell: "
-        f"{number(report['fallen'])}.\n\n"
+        f"Towers of round {round_number} that fell asleep: {number(report['rested'])}. Of these fell, turned by "
+        f"180 degrees: {number(report['fallen'])}.\n\n"
         + markdown_table(("Largest of all blocks of a tower", "Median tower", "Worst tower"), rows)
     )
     draw = partial(figures.turntable, column["after_mm"], column["unturned_mm"], column["friction"])

@@ -31,6 +31,7 @@ OTHER: dict[str, Any] = {
     "first_round": 2,
     "last_round": 14,
     "impedance": 0.99,
+    "wedge": True,
     "sticks_out": 0.015,
 }
 """Another allowed value where a number cannot simply be made a little smaller."""
