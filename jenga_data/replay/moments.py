@@ -57,10 +57,10 @@ def _events(episode: Episode, last: int) -> list[Moment]:
         return [start, Moment(clear, "clear"), *later, *grasped, *_pulling(episode, pull, clear, 2 - len(grasped))]
     if verdict.outcome is Outcome.COLLAPSED:
         fall = _fall(episode)
-        before = Moment(_later(episode, fall, -_BEFORE_FALL), "before the fall")
+        before = max(_later(episode, fall, -_BEFORE_FALL), (pull + fall) // 2)
         falling = [Moment(fall, "falls"), Moment((fall + last) // 2, "falls")]
-        under_way = [] if grasped else [Moment((pull + min(release, fall)) // 2, "pull")]
-        return [start, end, *falling, before, *grasped, *under_way]
+        under_way = [] if grasped else [Moment((pull + min(release, before)) // 2, "pull")]
+        return [start, end, *falling, Moment(before, "before the fall"), *grasped, *under_way]
     share = (release - pull) / (3 - len(grasped))
     under_way = [Moment(round(pull + share * i), "pull") for i in range(1, 3 - len(grasped))]
     return [start, end, Moment(release, "pull ends"), Moment((release + last) // 2, "observe"), *grasped, *under_way]
@@ -73,7 +73,7 @@ def _phase_start(episode: Episode, name: str) -> int | None:
 
 def _later(episode: Episode, frame: int, seconds: float) -> int:
     """The frame so many seconds after another one."""
-    return int(frame_at(episode, episode.time_ns[frame] + round(seconds * 1e9)))
+    return int(frame_at(episode, episode.time_ns[[frame]] + round(seconds * 1e9))[0])
 
 
 def _fall(episode: Episode) -> int:

@@ -137,6 +137,16 @@ def test_a_collapse_is_shown_around_the_fall(episode: Episode) -> None:
     assert moments[-1].frame == len(episode.pose) - 1
 
 
+def test_a_fall_right_after_the_pull_begins_has_its_moments_in_order(episode: Episode) -> None:
+    """Fifteen frames from the servo's first pull to the fall, hardly more than what is shown before a fall."""
+    early = fallen(episode)
+    pose = early.pose[75:].copy()
+    pose[0] = early.pose[0]
+    phases = [replace(early.phases[0], frame=0, name="pull"), replace(early.phases[0], frame=15, name="observe")]
+    moments = telling_moments(replace(early, pose=pose, time_ns=early.time_ns[75:], phases=phases))
+    assert [m.name for m in moments] == ["start", "pull", "before the fall", "falls", "falls", "end"]
+
+
 def test_a_stuck_block_is_shown_until_the_end(episode: Episode) -> None:
     stuck = ended(episode, Outcome.STUCK)
     phases = [*stuck.phases[:-1], replace(stuck.phases[-1], name="observe")]
