@@ -103,6 +103,7 @@ def replay(
     web: bool = False,
     png: MaybePath = None,
     time: float = 0.0,
+    strip: MaybePath = None,
     json: Json = False,
 ) -> Shown:
     """Show an episode in rerun, with models' predictions drawn over the truth.
@@ -114,8 +115,9 @@ def replay(
         web: serve it to a browser.
         png: take a screenshot without a screen (needs a Vulkan driver, such as Debian's mesa-vulkan-drivers).
         time: moment of the screenshot [s].
+        strip: write six moments of the episode side by side as a PNG; needs neither rerun nor Vulkan.
     """
     from jenga_control.replay import replay as run
 
-    shown = run(episode, model, save=save, web=web, png=png, time=time)
+    shown = run(episode, model, save=save, web=web, png=png, time=time, strip=strip)
     return Shown(json, {"episode": str(episode), "written": [str(path) for path in shown]}, "\n".join(map(str, shown)))

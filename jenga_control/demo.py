@@ -20,9 +20,10 @@ from jenga_data.dataset.read import open_dataset
 from jenga_data.dataset.verify import verify
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.log.reader import read_episode
+from jenga_data.replay import style
 from jenga_data.replay.curves import episode_curves
-from jenga_data.replay.picture import film_strip, tower_grid
 from jenga_data.replay.rerun_adapter import write_rrd
+from jenga_data.replay.side_by_side import film_strip, tower_grid
 from jenga_data.report import write_report
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS
 from jenga_models.overlay import overlay
@@ -175,17 +176,14 @@ def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Pa
 
     pulls = sorted((read_episode(path) for path in (logs / "selection").glob("*.mcap")), key=lambda e: e.header.round)
     picked = pulls[:: max(1, len(pulls) // 5)][:5]
-    tower_grid(
+    towers = tower_grid(
         [e.tower_state(0) for e in picked],
         [f"round {e.header.round}" for e in picked],
-        pictures["towers"],
         targets=[e.header.target for e in picked],
     )
-    film_strip(episode, _moments(len(episode.time_ns)), pictures["film"])
-    film_strip(pulls[-1], _moments(len(pulls[-1].time_ns)), pictures["selection"])
+    with style.applied():
+        style.save(towers, pictures["towers"])
+        style.save(film_strip(episode), pictures["film"])
+        style.save(film_strip(pulls[-1]), pictures["selection"])
     episode_curves(episode, [prediction], pictures["curves"])
     return pictures
-
-
-def _moments(frames: int, count: int = 6) -> list[int]:
-    return [round(i * (frames - 1) / (count - 1)) for i in range(count)]

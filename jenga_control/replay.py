@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from tempfile import mkdtemp
 
+from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode
-from jenga_data.replay.rerun_adapter import screenshot, write_rrd
-from jenga_data.replay.viewer import open_viewer, serve_web
 
 
 def replay(
@@ -18,15 +17,27 @@ def replay(
     web: bool = False,
     png: Path | None = None,
     time: float = 0.0,
+    strip: Path | None = None,
 ) -> list[Path]:
-    """Write a recording, take a screenshot, or open a viewer. Returns the files that were asked for.
+    """Write a recording, a screenshot or a film strip, or open a viewer. Returns the files that were asked for.
+
+    A film strip alone needs no rerun: that is imported only for what it is to show.
 
     Raises:
         JengaError: the log or a checkpoint cannot be read, or there is no viewer to open.
     """
-    if web and (save or png):
-        raise JengaError("--web shows an episode, --save and --png write files; choose one")
+    if web and (save or png or strip):
+        raise JengaError("--web shows an episode, --save, --png and --strip write files; choose one")
+    if strip and models and not (save or png):
+        raise JengaError("--strip shows no model; leave --model out, or add --save or --png")
     logged = read_episode(episode)
+    if strip:
+        _write_strip(logged, strip)
+        if not (save or png):
+            return [strip]
+    from jenga_data.replay.rerun_adapter import screenshot, write_rrd
+    from jenga_data.replay.viewer import open_viewer, serve_web
+
     predictions = []
     if models:
         from jenga_models.overlay import overlay
@@ -41,4 +52,14 @@ def replay(
         serve_web([recording])
     elif not save:
         open_viewer([recording])
-    return [path for path in (save, png) if path is not None]
+    return [path for path in (save, png, strip) if path is not None]
+
+
+def _write_strip(episode: Episode, path: Path) -> None:
+    from jenga_data.replay import style
+    from jenga_data.replay.side_by_side import film_strip
+
+    if path.suffix.lower() != ".png":
+        raise JengaError(f"--strip writes a PNG; {path} does not end in .png")
+    with style.applied():
+        style.save(film_strip(episode), path)

@@ -32,6 +32,10 @@ _LIFT, _BIAS = 0.0015, 0.0005
 """A face does not shade itself: its points are lifted off it, and what hides the light is nearer to it by more [m]."""
 _SOFT = 0.005
 """Blur of the shadows on the table [m]."""
+_FADE = 0.025
+"""Shadows on the table fade out within so much of a picture's sides [m]: none is cut off by the next picture."""
+_REACH = 1.0
+"""What is farther from the turntable casts no shadow [m]: where physics broke, a block may be a kilometre away."""
 _EDGE = 0.50
 """Brightness of a drawn edge against its face."""
 _GHOST_ALPHA = 0.50
@@ -59,16 +63,25 @@ class Boxes:
 
 
 def paint(
-    boxes: Boxes, ghosts: Sequence[Boxes], camera: Camera, width: int, height: int
+    boxes: Boxes,
+    ghosts: Sequence[Boxes],
+    camera: Camera,
+    width: int,
+    height: int,
+    table: float = TURNTABLE_RADIUS,
 ) -> Float[np.ndarray, "{height} {width} 3"]:
-    """The picture, rows from the top, sRGB in [0, 1]. Boxes with a pose that is not finite are left out."""
+    """The picture, rows from the top, sRGB in [0, 1]. Boxes with a pose that is not finite are left out.
+
+    Args:
+        table: radius of the turntable [m].
+    """
     fine_width, fine_height = width * SAMPLES, height * SAMPLES
     u, v = np.meshgrid(*camera.pixel_grid(fine_width, fine_height))
     sun = _Sun.over(boxes)
     face, nearness = rasterise(box_faces(boxes.pose, boxes.size), camera, fine_width, fine_height)
     hit = face != NOTHING
     image = np.empty((fine_height, fine_width, 3))
-    image[~hit] = _table(sun, camera, u[~hit], v[~hit])
+    image[~hit] = _table(sun, camera, u[~hit], v[~hit], table)
     normal = _face_normals(boxes)[face[hit]]
     points = camera.unproject(np.stack([u[hit], v[hit], nearness[hit]], axis=-1))
     light = _face_brightness(boxes)[face[hit]] * (1.0 - _SHADOW_ON_BLOCKS * sun.on_boxes(points + _LIFT * normal))
@@ -90,18 +103,24 @@ def _face_brightness(boxes: Boxes) -> Float[np.ndarray, " face"]:
 
 
 def _table(
-    sun: "_Sun", camera: Camera, u: Float[np.ndarray, " pixel"], v: Float[np.ndarray, " pixel"]
+    sun: "_Sun", camera: Camera, u: Float[np.ndarray, " pixel"], v: Float[np.ndarray, " pixel"], radius: float
 ) -> Float[np.ndarray, "pixel 3"]:
     """Paper, the turntable as a disc with a rim, and the shadows on both; paper alone where it is seen from below."""
     image = np.tile(np.array(PAPER), (len(u), 1))
     if camera.axes[2, 2] >= 0:
         return image
     table, top = _on_plane(camera, u, v, -TABLE_DEPTH), _on_plane(camera, u, v, 0.0)
-    rim, disc = (np.hypot(p[:, 0], p[:, 1]) < TURNTABLE_RADIUS for p in (table, top))
-    image *= 1.0 - _SHADOW_ON_TABLE * sun.on_table(table)[:, None]
+    rim, disc = (np.hypot(p[:, 0], p[:, 1]) < radius for p in (table, top))
+    fade = np.clip(_to_border(camera, u) / _FADE, 0.0, 1.0)
+    image *= 1.0 - _SHADOW_ON_TABLE * (fade * sun.on_table(table))[:, None]
     image[rim] = np.array(TABLE) * 0.7
     image[disc] = np.array(TABLE) * (1.0 - _SHADOW_ON_TABLE * sun.on_table(top[disc]))[:, None]
     return image
+
+
+def _to_border(camera: Camera, u: Float[np.ndarray, " pixel"]) -> Float[np.ndarray, " pixel"]:
+    """Distance to the nearer side of the picture [m]."""
+    return np.minimum(u - camera.window[0], camera.window[1] - u)
 
 
 def _on_plane(
@@ -144,7 +163,10 @@ class _Sun:
     @classmethod
     def over(cls, boxes: Boxes) -> "_Sun":
         azimuth, elevation = float(np.arctan2(_LIGHT[1], _LIGHT[0])), float(np.arcsin(_LIGHT[2]))
-        camera = Camera.fitting(boxes.corners(), azimuth, elevation, distance=np.inf, margin=0.1)
+        corners = boxes.corners()
+        near = corners[np.linalg.norm(corners, axis=1) < _REACH]
+        near = np.concatenate([near, _REACH * np.array([[-0.1, 0.0, 0.0], [0.1, 0.0, 0.0]])])  # never an empty view
+        camera = Camera.fitting(near, azimuth, elevation, distance=np.inf, margin=0.1)
         u0, u1, v0, v1 = camera.window
         width, height = int((u1 - u0) / _SHADOW_CELL), int((v1 - v0) / _SHADOW_CELL)
         face, nearest = rasterise(box_faces(boxes.pose, boxes.size), camera, width, height)

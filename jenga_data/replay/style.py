@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,9 @@ def save(figure: Figure, path: Path) -> None:
     Raises:
         JengaError: the folder does not exist or the file cannot be written.
     """
+    picture = BytesIO()
+    figure.savefig(picture, dpi=DPI, format="png", metadata={"Software": None})
     try:
-        figure.savefig(path, dpi=DPI, metadata={"Software": None})
+        path.write_bytes(picture.getvalue())
     except OSError as error:
-        raise JengaError(f"cannot write {path}: {error.strerror or error}; choose another --out") from error
+        raise JengaError(f"cannot write {path}: {error.strerror or error}; choose another path") from error

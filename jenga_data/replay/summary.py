@@ -5,8 +5,9 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from jenga_data.episode import Episode, Prediction
+from jenga_data.episode import Episode, EpisodeHeader, Prediction
 from jenga_data.replay.measures import MM, error_scale, has_chances, metres_per_newton, model_labels, seconds
+from jenga_data.tower import CENTRE
 
 _SHORT = 12
 """So many digits of a hash tell it from all others, and fit a narrow panel."""
@@ -22,14 +23,19 @@ def outcome_words(episode: Episode) -> str:
     return f"{words} ({episode.result.cause})" if episode.result.cause else words
 
 
+def target_words(header: EpisodeHeader) -> str:
+    """Which block is pulled, and where it lies."""
+    place = header.layout.place(header.target)
+    side = "centre" if place.slot == CENTRE else "side"
+    return f"block {header.target}: level {place.level}, slot {place.slot} ({side})"
+
+
 def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
     """The whole text, for a viewer that shows Markdown."""
     header, time = episode.header, seconds(episode)
-    place = header.layout.place(header.target)
-    side = "centre" if place.slot == 1 else "side"
     facts = [
         ("episode", f"{header.kind} {header.number}, seed {header.seed}"),
-        ("target", f"block {header.target}: level {place.level}, slot {place.slot} ({side})"),
+        ("target", target_words(header)),
         ("round", str(header.round)),
         ("turn", f"{90 * (header.turn % 4)}°, pulled at its {'-x' if header.face == 0 else '+x'} end"),
         ("length", f"{time[-1]:.2f} s, {len(time)} frames"),

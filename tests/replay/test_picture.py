@@ -14,8 +14,8 @@ from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.paint import Boxes
-from jenga_data.replay.picture import film_strip, gripper_boxes, render_tower, tower_camera, tower_grid
-from jenga_data.tower import Layout, TowerState
+from jenga_data.replay.picture import gripper_boxes, render_tower, tower_camera
+from jenga_data.tower import Layout
 
 
 def like(image: np.ndarray, colour: tuple[float, float, float], tolerance: float = 0.06) -> np.ndarray:
@@ -128,39 +128,6 @@ def test_neighbours_of_one_colour_are_told_apart_by_a_drawn_edge(tmp_path: Path)
     assert row.min() < 0.8 * np.median(row)
 
 
-def test_a_film_strip_names_the_phase_and_the_time_of_each_moment(
-    episode: Episode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    figures: list[Figure] = []
-    monkeypatch.setattr("jenga_data.replay.style.save", lambda figure, path: figures.append(figure))
-    film_strip(episode, [0, 30, 119], tmp_path / "film.png", height=120)
-    titles = [axes.get_title() for axes in figures[0].axes]
-    assert titles == ["approach\n0.00 s", "pull\n0.96 s", "hold\n3.81 s"]
-
-
-def test_a_film_strip_refuses_a_frame_that_is_not_there(episode: Episode, tmp_path: Path) -> None:
-    with pytest.raises(JengaError, match=r"frame 120 is not in the episode; it has frames 0 to 119"):
-        film_strip(episode, [0, 120], tmp_path / "film.png")
-
-
-def test_towers_of_a_grid_share_one_scale(tmp_path: Path) -> None:
-    """A tower of six levels is a third as high as one of eighteen, in pixels."""
-    heights = []
-    blocks = sample_blocks("nominal", np.random.default_rng(0))
-    for levels in (18, 6):
-        few = 3 * levels
-        layout = Layout.fresh(np.arange(few))
-        part = type(blocks)(blocks.size[:few], blocks.mass[:few])
-        heights.append(TowerState(part, layout, nominal_pose(layout, part, 0), np.zeros((few, 6))))
-    tower_grid(heights, ["high", "low"], tmp_path / "grid.png", height=300)
-    image = matplotlib.image.imread(tmp_path / "grid.png")[..., :3]
-    rows = []
-    for half in np.array_split(image, 2, axis=1):
-        brown = (half[..., 0] - half[..., 2]) > 0.12
-        rows.append(np.ptp(np.argwhere(brown)[:, 0]))
-    assert 0.35 < rows[1] / rows[0] < 0.55  # a third of the height, and as much of the top as before
-
-
 @pytest.mark.parametrize("with_model", [True, False])
 def test_curves_have_a_labelled_panel_for_all_that_there_is(
     episode: Episode,
@@ -182,12 +149,10 @@ def test_curves_have_a_labelled_panel_for_all_that_there_is(
     assert np.max(farthest.get_ydata()) == pytest.approx(1e3 * episode.result.verdict.moved)
 
 
-def test_a_log_that_ends_early_has_its_curves_and_its_film_too(episode: Episode, tmp_path: Path) -> None:
+def test_a_log_that_ends_early_has_its_curves_too(episode: Episode, tmp_path: Path) -> None:
     cut = type(episode)(**{**vars(episode), "phases": [], "result": None})
     episode_curves(cut, [], tmp_path / "curves.png")
-    film_strip(cut, [3], tmp_path / "film.png", height=100)
     assert (tmp_path / "curves.png").stat().st_size > 10_000
-    assert (tmp_path / "film.png").stat().st_size > 1_000
 
 
 def test_the_same_curves_give_the_same_bytes(episode: Episode, tmp_path: Path) -> None:
