@@ -18,6 +18,7 @@ from jenga_data.calibrate.cases import Case
 from jenga_data.calibrate.run import Run
 from jenga_data.calibrate.trial import described, judged_pull, tower_and_targets
 from jenga_data.collect.config import SelectionConfig
+from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
 from jenga_data.report import markdown_table, with_interval
 from jenga_data.statistics import Interval, proportion_over_towers, ratio_bootstrap
