@@ -64,9 +64,9 @@ class Verdict:
 def collapsed(
     start: Float[np.ndarray, "block 7"], pose: Float[np.ndarray, "*batch block 7"], target: int, drop: float
 ) -> Bool[np.ndarray, "*batch"]:
-    """Whether any block but the target has dropped by more than `drop` [m] since `start`."""
+    """Whether any block but the target (-1 for none) has dropped by more than `drop` [m] since `start`."""
     fallen = start[:, 2] - pose[..., 2] > drop
-    return np.asarray(np.delete(fallen, target, axis=-1).any(-1))
+    return np.asarray((np.delete(fallen, target, axis=-1) if target >= 0 else fallen).any(-1))
 
 
 def judge(

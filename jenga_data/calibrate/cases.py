@@ -23,7 +23,7 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
     """What each case gives, in the order of the cases.
 
     Results are kept in `store`, one line of JSON each under a hash of function and arguments. A line that was cut
-    short is done again.
+    short is done again. A result is always what JSON makes of it (a NaN is None), whether it is new or was kept.
 
     Raises:
         JengaError: the store cannot be written or is in use, or a worker died.
@@ -39,8 +39,9 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
             with progress(label, len(cases)) as bar, store.open("ab") as file:
                 bar.advance(len(cases) - len(missing))
                 for (key, _), result in run_all(_work, missing.items(), workers):
-                    known[key] = result
-                    file.write(msgspec.json.encode({"key": key, "result": result}, enc_hook=_plain) + b"\n")
+                    line = msgspec.json.encode({"key": key, "result": result}, enc_hook=_plain)
+                    known[key] = msgspec.json.decode(line)["result"]
+                    file.write(line + b"\n")
                     file.flush()
                     bar.advance(1)
     except Timeout:
@@ -82,20 +83,14 @@ def _read(store: Path) -> dict[str, dict[str, Any]]:
         return known
     whole = 0
     for line in store.read_bytes().splitlines(keepends=True):
+        if not line.endswith(b"\n"):
+            break
         try:
             entry = msgspec.json.decode(line)
             known[entry["key"]] = entry["result"]
         except (msgspec.DecodeError, KeyError, TypeError):
             break
-        if not line.endswith(b"\n"):
-            break
         whole += len(line)
     with store.open("r+b") as file:
         file.truncate(whole)
     return known
-
-
-def rows(results: Sequence[dict[str, Any]], name: str) -> np.ndarray:
-    """One column of many results: numbers, or lists joined end to end."""
-    values = [result[name] for result in results]
-    return np.concatenate([np.atleast_1d(np.asarray(value)) for value in values]) if values else np.zeros(0)

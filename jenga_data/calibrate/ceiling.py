@@ -18,6 +18,7 @@ from jenga_data.calibrate.cases import Case
 from jenga_data.calibrate.run import Run
 from jenga_data.calibrate.trial import described, judged_pull, tower_and_targets
 from jenga_data.collect.config import SelectionConfig
+from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
 from jenga_data.report import markdown_table, with_interval
 from jenga_data.statistics import Interval, proportion_over_towers, ratio_bootstrap
@@ -68,7 +69,16 @@ def mean_over_towers(values: Float[np.ndarray, " pull"], tower: np.ndarray) -> t
 
 
 def ceiling_report(run: Run, config: SelectionConfig, targets: int, repeats: int, repeated: int) -> dict[str, Any]:
-    """Pull targets of many towers twice, and some of them `repeats` times."""
+    """Pull targets of many towers twice, and about `repeated` of them `repeats` times.
+
+    Raises:
+        JengaError: fewer than one target, than two repeats, or than no repeated pulls.
+    """
+    if targets < 1 or repeats < 2 or repeated < 0:
+        raise JengaError(
+            f"targets is {targets}, repeats is {repeats}, repeated is {repeated}; "
+            "allowed: 1 or more, 2 or more, 0 or more"
+        )
     many = -(-repeated // targets)
     cases: list[Case] = [
         (
@@ -88,7 +98,7 @@ def ceiling_report(run: Run, config: SelectionConfig, targets: int, repeats: int
     round_number, slot = np.array([p["round"] for p in pulls]), np.array([p["slot"] for p in pulls])
     same = failure[:, 0] == failure[:, 1]
     deep = [p for p in pulls if len(p["repeats"]) == repeats]
-    votes = np.array([[r["failure"] for r in p["repeats"]] for p in deep], bool)
+    votes = np.array([[r["failure"] for r in p["repeats"]] for p in deep], bool).reshape(-1, repeats)
     every = Counter(r["outcome"] for p in pulls for r in p["repeats"])
     report: dict[str, Any] = {
         "agreement": proportion_over_towers(same, tower),

@@ -104,7 +104,7 @@ def ceiling(
     from jenga_data.calibrate.ceiling import ceiling_report
 
     run = _run(towers, seed, workers, out)
-    return _shown(json, ceiling_report(run, SelectionConfig(), targets, max(2, repeats), repeated))
+    return _shown(json, ceiling_report(run, SelectionConfig(), targets, repeats, repeated))
 
 
 def speed(

@@ -153,7 +153,13 @@ def _world(physics: PhysicsConfig, grown: GrownTower) -> World:
 
 def contacts_report(run: Run, config: SelectionConfig, few: int, names: Sequence[str]) -> dict[str, Any]:
     """Compare contact settings at rest, in play and under a pull; the chosen one rests on `run.towers` towers, the
-    others on `few`, and each plays and is pulled on 2 x `few` towers."""
+    others on `few`, and each plays and is pulled on 2 x `few` towers.
+
+    Raises:
+        JengaError: `few` is no positive number, or a name is not one of `SETTINGS`.
+    """
+    if few < 1:
+        raise JengaError(f"few is {few}; allowed: 1 or more")
     unknown = [name for name in names if name not in SETTINGS]
     if unknown:
         raise JengaError(f"unknown setting {unknown[0]!r}; allowed: {', '.join(SETTINGS)}")

@@ -4,6 +4,7 @@ Robots and people find 47 % (the paper, after Fazeli et al., Science Robotics 20
 53.7 % of the middle blocks and 31.6 % of those at the side (JengaRobot, 188 real layers).
 """
 
+import math
 from collections import Counter
 from dataclasses import dataclass, field
 from functools import partial
@@ -18,6 +19,7 @@ from jenga_data.collect.config import SpawnConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.rest import at_rest
 from jenga_data.collect.stage import standing_tower
+from jenga_data.errors import JengaError
 from jenga_data.outcome import THRESHOLDS, collapsed
 from jenga_data.report import markdown_table
 from jenga_data.sim.physics import PhysicsConfig
@@ -41,10 +43,14 @@ class PushConfig:
     others: float = 0.005
     """No other block may move by more [m]."""
     patience: float = 0.32
-    """A block that does not get on by a millimetre in so long [s] is stuck."""
+    """A block that does not get on by a millimetre in so long [s], and is pushed with all force, is stuck."""
     gains: tuple[float, float] = (2.0, 150.0)
     """Proportional [N s/m] and integral [N/m] gain of the servo: on a block that sticks the force starts at 0.1 N and
     rises by 7.5 N/s."""
+
+    def __post_init__(self) -> None:
+        if not 0 < self.force_limit < math.inf:
+            raise JengaError(f"force-limit is {self.force_limit}; allowed: a positive number [N]")
 
 
 @dataclass(frozen=True)
@@ -109,8 +115,9 @@ def _push(world: World, start: np.ndarray, block: int, sign: float, config: Mova
             servo.let_go()
             held += 1
             end = "movable" if at_rest(poses[-held:]) or held * CONTROL_STEP_NS > 1e9 else ""
-        elif len(travel) > patience and travel[-1] - travel[-1 - patience] < _PROGRESS:
-            end = "stuck"
+        elif len(travel) > patience:
+            gets_on = travel[-1] - travel[-1 - patience] >= _PROGRESS
+            end = "" if gets_on or servo.force @ along < push.force_limit else "stuck"
     return {
         "end": end,
         "travel": travel[-1] * 1e3,

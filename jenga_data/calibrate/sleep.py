@@ -19,7 +19,7 @@ NUDGE = 1e-6
 
 
 def with_and_without(config: SelectionConfig, seed: int, number: int) -> dict[str, Any]:
-    """One pull with sleep, without, without but from a start 1 um away, and the first two once more."""
+    """One pull with sleep, without, without but from a start 1 um away, and the first once more."""
     _, (stage,) = tower_and_targets(config, seed, number, 1)
     near = nudged(stage, NUDGE, episode_rng(seed, number, "nudge"))
     asleep, awake = (judged_pull(config, stage, seed, 0, sleep) for sleep in (True, False))

@@ -1,5 +1,6 @@
 """How the outcome of a pull depends on its speed: the same towers and targets at every speed."""
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
@@ -33,12 +34,17 @@ def _at(config: SelectionConfig, speed: float) -> SelectionConfig:
 
 
 def speed_report(run: Run, config: SelectionConfig, speeds: Sequence[float]) -> dict[str, Any]:
-    """Pull the same targets at several speeds."""
-    if not speeds or min(speeds) <= 0:
+    """Pull the same targets at several speeds [m/s].
+
+    Raises:
+        JengaError: no speed, or one that is not positive and finite.
+    """
+    if not speeds or not all(0 < speed < math.inf for speed in speeds):
         raise JengaError(
             f"speeds are {', '.join(map(str, speeds)) or 'none'}; allowed: one or more, all positive [m/s]"
         )
-    arguments = {"config": config, "seed": run.seed, "speeds": list(speeds)}
+    speeds = sorted(set(speeds))
+    arguments = {"config": config, "seed": run.seed, "speeds": speeds}
     results = run.cases("speed", [(pulls_at_speeds, arguments | {"number": n}) for n in range(run.towers)])
     tower = np.array([r["tower"] for r in results])
     by_speed = {}

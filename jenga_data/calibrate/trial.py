@@ -1,5 +1,6 @@
 """Pulls for a calibration: many from the same tower, judged but not logged."""
 
+import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -54,14 +55,14 @@ def tower_and_targets(config: SelectionConfig, seed: int, number: int, count: in
 
 
 def judged_pull(config: SelectionConfig, stage: Stage, seed: int, repeat: int, sleep: bool = True) -> dict[str, Any]:
-    """The verdict of one pull as plain values; `repeat` decides the noise."""
+    """The verdict of one pull as plain values; `repeat` decides the noise. `moved` [m] is None for an invalid one."""
     noise = episode_rng(seed, repeat, f"noise {stage.target}")
     verdict = pull(config, stage, noise, unlogged, sleep, aftermath=0.0).verdict
     return {
         "outcome": verdict.outcome.value,
         "failure": verdict.failure,
         "strict_failure": verdict.strict_failure,
-        "moved": verdict.moved,
+        "moved": None if math.isnan(verdict.moved) else verdict.moved,
     }
 
 

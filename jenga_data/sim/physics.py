@@ -43,7 +43,7 @@ class PhysicsConfig:
             )
         if self.integrator not in ("discrete", "implicitfast"):
             raise JengaError(f"physics.integrator is {self.integrator!r}; allowed: discrete, implicitfast")
-        if self.friction <= 0 or self.impratio <= 0:
+        if not (self.friction > 0 and self.impratio > 0):
             raise JengaError("physics.friction and physics.impratio must be positive")
         if not 0 < self.touch_impedance <= self.impedance < 1:
             raise JengaError(

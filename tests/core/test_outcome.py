@@ -185,3 +185,11 @@ def test_the_verdict_does_not_depend_on_where_the_tower_stands_or_how_it_is_turn
     before, after = verdict(pose), verdict(turned)
     assert (before.outcome, before.clear_frame, before.dragged) == (after.outcome, after.clear_frame, after.dragged)
     assert before.moved == pytest.approx(after.moved)
+
+
+def test_without_a_target_every_block_counts():
+    pose = frames(len(STATE.blocks))
+    for block in range(len(pose)):
+        pose[block, block, 2] -= 0.008
+    assert collapsed(STATE.pose, pose, -1, THRESHOLDS.drop).all()
+    assert not collapsed(STATE.pose, frames(3), -1, THRESHOLDS.drop).any()

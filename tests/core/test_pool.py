@@ -1,0 +1,109 @@
+"""Work for several processes: everything is done once, a death is heard of, and nothing is left behind."""
+
+import multiprocessing
+import os
+import signal
+import time
+from collections.abc import Generator, Iterator
+
+import pytest
+
+from jenga_data.errors import JengaError
+from jenga_data.pool import BrokenProcessPool, run_all
+
+
+def process_of(item: int) -> tuple[int, int]:
+    return item**2, os.getpid()
+
+
+def dies_at_three(item: int) -> int:
+    if item == 3:
+        os._exit(9)
+    return item
+
+
+def refuses_three(item: int) -> int:
+    if item == 3:
+        raise JengaError("three is refused")
+    return item
+
+
+def lingers(item: int) -> int:
+    time.sleep(60.0 if item else 0.0)
+    return item
+
+
+def blocked_signals(_: int) -> list[int]:
+    return sorted(signal.pthread_sigmask(signal.SIG_BLOCK, []))
+
+
+def counted(items: int, drawn: list[int]) -> Iterator[int]:
+    for item in range(items):
+        drawn.append(item)
+        yield item
+
+
+def nothing_is_left() -> bool:
+    """Whether every worker is gone; who was the last to see one die may still be writing that down."""
+    end = time.monotonic() + 10.0
+    while multiprocessing.active_children() and time.monotonic() < end:
+        time.sleep(0.01)
+    return not multiprocessing.active_children()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_item_comes_once_with_what_was_made_of_it(workers: int):
+    found = list(run_all(process_of, range(7), workers))
+    assert sorted(item for item, _ in found) == list(range(7))
+    assert all(square == item**2 for item, (square, _) in found)
+    assert (os.getpid() in {pid for _, (_, pid) in found}) == (workers == 1)
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_nothing_to_do_is_done_at_once(workers: int):
+    assert list(run_all(process_of, [], workers)) == []
+
+
+def test_one_worker_works_only_when_it_is_asked():
+    drawn: list[int] = []
+    working = run_all(process_of, counted(100, drawn), 1)
+    next(working)
+    assert drawn == [0]
+
+
+def test_two_workers_have_at_most_two_items_each_in_the_queue():
+    drawn: list[int] = []
+    working = run_all(process_of, counted(100, drawn), 2)
+    assert isinstance(working, Generator)
+    next(working)
+    assert len(drawn) == 4
+    working.close()
+
+
+def test_a_worker_that_dies_is_told():
+    with pytest.raises(BrokenProcessPool):
+        list(run_all(dies_at_three, range(20), 2))
+    assert nothing_is_left()
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_what_a_worker_raises_comes_here(workers: int):
+    with pytest.raises(JengaError, match="three is refused"):
+        list(run_all(refuses_three, range(20), workers))
+    assert nothing_is_left()
+
+
+def test_who_stops_early_does_not_wait_for_work_that_goes_on():
+    working = run_all(lingers, range(4), 2)
+    assert isinstance(working, Generator)
+    assert next(working) == (0, 0)
+    began = time.monotonic()
+    working.close()
+    assert time.monotonic() - began < 20.0
+    assert nothing_is_left()
+
+
+def test_workers_are_deaf_to_ctrl_c_and_the_parent_is_not():
+    ((_, blocked),) = run_all(blocked_signals, [0], 2)
+    assert signal.SIGINT in blocked
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
