@@ -13,7 +13,8 @@ from jenga_data.calibrate.run import Run
 from jenga_data.collect.config import SelectionConfig, SpawnConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.spawn import GrownTower, grow_tower
-from jenga_data.collect.stage import standing_pose
+from jenga_data.collect.stage import standing_pose, standing_tower
+from jenga_data.replay.side_by_side import tower_grid
 from jenga_data.report import markdown_table, with_interval
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.statistics import Proportion, ratio_bootstrap
@@ -120,7 +121,10 @@ def rounds_report(run: Run, config: SelectionConfig) -> dict[str, Any]:
             ("Mean of", "Accepted", "Rejected"), [(n, b["accepted"], b["rejected"]) for n, b in bias.items()]
         )
     )
-    return run.write("rounds", report, text, partial(figures.tries, by_round))
+    shown = [r for r in each if r % 2 == each[0] % 2]
+    towers = [standing_tower(spawn, config.physics, r, episode_rng(run.seed, r, "shown"))[0] for r in shown]
+    run.draw("towers", partial(tower_grid, towers, [f"round {r}" for r in shown]))
+    return run.write("rounds", report, text + "\n![towers](towers.png)\n", partial(figures.tries, by_round))
 
 
 def _mean(characters: list[dict[str, float]], name: str) -> str | None:

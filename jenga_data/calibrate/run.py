@@ -36,11 +36,16 @@ class Run:
     def cases(self, label: str, cases: Sequence[Case]) -> list[dict[str, Any]]:
         return run_cases(cases, self.out / f"{label}.jsonl", self.workers, label)
 
+    def draw(self, name: str, figure: Callable[[], Figure]) -> Path:
+        """A plot on its own."""
+        path = self.out / f"{name}.png"
+        with style.applied():
+            style.save(figure(), path)
+        return path
+
     def write(self, name: str, report: dict[str, Any], text: str, figure: Callable[[], Figure]) -> dict[str, Any]:
         """Write the report and its plot; the report says where, and with which text it was printed."""
-        with style.applied():
-            picture = self.out / f"{name}.png"
-            style.save(figure(), picture)
+        picture = self.draw(name, figure)
         written = write_report(self.out, name, report, f"{text}\n![{name}]({picture.name})\n")
         return report | {"written": [str(path) for path in (*written, picture)], "text": text}
 
