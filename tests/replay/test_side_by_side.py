@@ -140,10 +140,9 @@ def test_a_collapse_is_shown_around_the_fall(episode: Episode) -> None:
 def test_a_fall_right_after_the_pull_begins_has_its_moments_in_order(episode: Episode) -> None:
     """Fifteen frames from the servo's first pull to the fall, hardly more than what is shown before a fall."""
     early = fallen(episode)
-    pose = early.pose[75:].copy()
-    pose[0] = early.pose[0]
+    part = {name: getattr(early, name)[75:] for name in ("time_ns", "pose", "twist", "contacts", "sim_state")}
     phases = [replace(early.phases[0], frame=0, name="pull"), replace(early.phases[0], frame=15, name="observe")]
-    moments = telling_moments(replace(early, pose=pose, time_ns=early.time_ns[75:], phases=phases))
+    moments = telling_moments(replace(early, **part, phases=phases))
     assert [m.name for m in moments] == ["start", "pull", "before the fall", "falls", "falls", "end"]
 
 
