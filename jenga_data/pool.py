@@ -1,11 +1,13 @@
 """Work for several processes: an ordered way to start them, to hear of one that died, and to stop."""
 
+import os
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import connection, get_context, parent_process
+from threading import Thread
 from typing import TypeVar
 
 Item = TypeVar("Item")
@@ -24,7 +26,7 @@ def run_all(work: Callable[[Item], Out], items: Iterable[Item], workers: int) ->
         for item in items:
             yield item, work(item)
         return
-    pool = ProcessPoolExecutor(workers, get_context("spawn"))
+    pool = new_pool(workers)
     queue, running = iter(items), dict[Future[Out], Item]()
     try:
         while True:
@@ -40,6 +42,23 @@ def run_all(work: Callable[[Item], Out], items: Iterable[Item], workers: int) ->
                 yield running.pop(future), future.result()
     finally:
         stop_workers(pool)
+
+
+def new_pool(workers: int) -> ProcessPoolExecutor:
+    """Fresh processes that end when this one does, however it ends: an orphan would go on writing what the next run
+    writes too."""
+    return ProcessPoolExecutor(workers, get_context("spawn"), _end_with_parent)
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+
+    def watch() -> None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+    Thread(target=watch, daemon=True).start()
 
 
 def stop_workers(pool: ProcessPoolExecutor) -> None:
@@ -65,4 +84,4 @@ def interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-__all__ = ["BrokenProcessPool", "interrupts_held", "run_all", "stop_workers"]
+__all__ = ["BrokenProcessPool", "interrupts_held", "new_pool", "run_all", "stop_workers"]

@@ -1,10 +1,9 @@
 """Episodes on one worker and on several at once."""
 
 from collections.abc import Sequence
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import Future
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
-from multiprocessing import get_context
 from pathlib import Path
 from time import monotonic, perf_counter, process_time
 
@@ -13,7 +12,7 @@ from jaxtyping import Float
 
 from jenga_data.collect.workers import Rollout, run_and_log
 from jenga_data.errors import JengaError
-from jenga_data.pool import interrupts_held, stop_workers
+from jenga_data.pool import interrupts_held, new_pool, stop_workers
 from jenga_data.progress import Bar
 
 
@@ -36,7 +35,7 @@ def run_crowd(rollout: Rollout, seed: int, numbers: Sequence[int], workers: int,
         JengaError: a worker died.
     """
     # A pool of one process each: the executor's own queue would leave open which worker takes which task.
-    pools = [ProcessPoolExecutor(1, get_context("spawn")) for _ in range(workers)]
+    pools = [new_pool(1) for _ in range(workers)]
     alone: list[tuple[float, float]] = []
     together: list[list[tuple[float, float]]] = []
 

@@ -3,8 +3,11 @@
 import multiprocessing
 import os
 import signal
+import subprocess
+import sys
 import time
 from collections.abc import Generator, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -107,3 +110,48 @@ def test_workers_are_deaf_to_ctrl_c_and_the_parent_is_not():
     ((_, blocked),) = run_all(blocked_signals, [0], 2)
     assert signal.SIGINT in blocked
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+
+def announces_itself(folder: str) -> None:
+    (Path(folder) / str(os.getpid())).touch()
+    time.sleep(60.0)
+
+
+PARENT = """
+import sys
+from test_pool import announces_itself
+from jenga_data.pool import run_all
+
+if __name__ == "__main__":
+    list(run_all(announces_itself, [sys.argv[1]] * 2, 2))
+"""
+
+
+def is_alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except FileNotFoundError:
+        return False
+    return state != "Z"
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="looks for processes in /proc")
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_with_their_parent_however_it_ends(tmp_path: Path, how: signal.Signals):
+    """An orphan would write the same episode as the run that takes over."""
+    script = tmp_path / "parent.py"
+    script.write_text(PARENT)
+    folder = tmp_path / "workers"
+    folder.mkdir()
+    paths = {"PYTHONPATH": os.pathsep.join([str(Path(__file__).parent), *sys.path])}
+    with subprocess.Popen([sys.executable, str(script), str(folder)], env=os.environ | paths) as parent:
+        end = time.monotonic() + 60.0
+        while len(list(folder.iterdir())) < 2 and time.monotonic() < end:
+            time.sleep(0.05)
+        workers = [int(path.name) for path in folder.iterdir()]
+        assert len(workers) == 2
+        parent.send_signal(how)
+        parent.wait(10.0)
+        while any(map(is_alive, workers)) and time.monotonic() < end:
+            time.sleep(0.05)
+    assert not any(map(is_alive, workers))
