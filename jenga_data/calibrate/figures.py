@@ -58,9 +58,9 @@ def contacts(settings: dict[str, dict[str, Any]]) -> Figure:
     ):
         _intervals(axis, [s[key] for s in settings.values()], at)
         axis.set(xlabel=label, xlim=(-0.02, 1.02))
-    cost = [s["pull_seconds"] or np.nan for s in settings.values()]
+    cost = np.array([s["pull_seconds"] or 0.0 for s in settings.values()])
     axes[3].barh(at, cost, color=SKY_BLUE, height=0.6)
-    axes[3].set(xlabel="CPU time of a pull [s]")
+    axes[3].set(xlabel="CPU time of a pull [s]", xlim=(0.0, 1.05 * cost.max() or 1.0))
     axes[0].set_yticks(at, names)
     return figure
 
