@@ -47,6 +47,8 @@ def contacts(settings: dict[str, dict[str, Any]]) -> Figure:
     names = list(settings)
     at = np.arange(len(names))[::-1]
     drift = np.array([[s["drift_mm_per_s"][k] or np.nan for k in ("median", "worst")] for s in settings.values()])
+    if not np.isfinite(drift).any():  # nothing stood: the line at 0.1 alone gives an axis no limits
+        axes[0].set_xlim(0.01, 1.0)
     axes[0].hlines(at, drift[:, 0], drift[:, 1], color=BLUE)
     axes[0].plot(drift[:, 0], at, "o", color=BLUE)
     axes[0].plot(drift[:, 1], at, "|", color=BLUE, markersize=12)

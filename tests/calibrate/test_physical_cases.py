@@ -12,7 +12,7 @@ from jenga_data.calibrate import contacts, trial
 from jenga_data.calibrate.ceiling import repeated_pulls
 from jenga_data.calibrate.contacts import CHOSEN, SETTINGS
 from jenga_data.calibrate.movable import MovableConfig, PushConfig, _push, push_every_block
-from jenga_data.calibrate.rounds import tries_of_round
+from jenga_data.calibrate.rounds import _taken, tries_of_round
 from jenga_data.calibrate.sleep import with_and_without
 from jenga_data.calibrate.speed import pulls_at_speeds
 from jenga_data.calibrate.turntable import turn_case
@@ -30,24 +30,29 @@ SERVO_START = 0.1
 
 def pushed(*levels: str, block: int, mass: dict[int, float] | None = None, sign: float = 1.0, **push: Any) -> Any:
     """What becomes of a push at a block of a tower drawn from the bottom, with some blocks of other masses [kg]."""
+    world = settled(*levels, mass=mass or {})
+    return _push(world, world.integration_state(), block, sign, MovableConfig(push=PushConfig(**push)))
+
+
+def settled(*levels: str, mass: dict[int, float]) -> World:
     layout = layout_of(*levels)
     size = np.tile(NOMINAL_SIZE, (len(layout.level), 1))
     masses = np.full(len(size), 0.01927)
-    for heavy, kilograms in (mass or {}).items():
+    for heavy, kilograms in mass.items():
         masses[heavy] = kilograms
     blocks = Blocks(size, masses)
     spec = base_spec(CHOSEN)
     add_tower(spec, blocks, stacked_poses(layout, air=0.0002), target=-1, physics=CHOSEN)
     world = World(spec, blocks, layout)
     world.step(50)
-    return _push(world, world.integration_state(), block, sign, MovableConfig(push=PushConfig(**push)))
+    return world
 
 
 # --- a push --------------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mass", [0.05, 0.1])
-@pytest.mark.parametrize(("levels", "block"), [(("xxx",), 1), (("xxx", "x.x"), 4)])
+@pytest.mark.parametrize(("levels", "block"), [(("xxx",), 1), (("xxx", "xxx"), 4)])
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_a_loose_block_breaks_away_at_the_force_of_its_friction(mass, levels, block, sign):
     """Along x on the table, and along y on other blocks. What is above friction has set the block in motion."""
@@ -96,6 +101,13 @@ def test_a_block_that_falls_ends_the_push():
     """The pushed block is shot out from under another, which may be taken along for a while."""
     found = pushed("xxx", ".x.", ".x.", block=3, speed=2.0, force_limit=20.0, distance=0.2, others=0.05)
     assert found["end"] == "collapsed"
+
+
+def test_a_push_knows_nothing_of_the_one_before():
+    world = settled("xxx", "xxx", mass={})
+    start, config = world.integration_state(), MovableConfig(push=PushConfig(distance=0.002))
+    first, other, again = (_push(world, start, block, 1.0, config) for block in (4, 3, 4))
+    assert first == again != other
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan"), float("inf")])
@@ -313,6 +325,12 @@ def test_what_was_taken_is_counted():
         found = tries_of_round(replace(SPAWN, last_round=4), CHOSEN, 0, 0, 4)["accepted"]
     assert found["middles_taken"] + found["sides_taken"] in (2, 3)  # three moves; the third may fill the level on top
     assert found["levels"] == 7
+
+
+def test_middles_and_sides_are_counted_apart():
+    """Below the highest complete level: what is free above it was never taken."""
+    layout = layout_of("x.x", ".xx", "xx.", "xxx", "x..")
+    assert (_taken(layout, {1}), _taken(layout, {0, 2})) == (1, 2)
 
 
 def test_a_round_in_which_nothing_stands_has_no_tries():

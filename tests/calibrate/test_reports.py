@@ -211,6 +211,17 @@ def test_contacts(said, tmp_path):
     assert set(SETTINGS) <= rows.keys()
 
 
+def test_contacts_under_which_nothing_stands(said, monkeypatch):
+    fallen = {"fell": True, "drift": None, "realtime_factor": None}
+    monkeypatch.setattr("jenga_data.calibrate.contacts.rest", lambda physics, seed, number: fallen)
+    monkeypatch.setattr("jenga_data.calibrate.contacts.pulls", lambda config, seed, number, repeats: {"stood": False})
+    found = said("contacts", "--towers", 2, "--settings", "chosen")
+    assert found["fallen"] == share(2, 2)
+    assert found["drift_mm_per_s"] == {"median": None, "worst": None}
+    assert found["realtime_factor"] is None
+    assert found["settings"]["chosen"]["failure"]["rate"] is None
+
+
 def test_contacts_of_some_settings_always_have_the_chosen_one(said):
     for asked in (("impratio 1",), ("chosen", "impratio 1"), ("impratio 1", "impratio 1")):
         assert list(said("contacts", "--towers", 1, "--settings", *asked)["settings"]) == ["chosen", "impratio 1"]
@@ -285,6 +296,16 @@ def test_rounds(said, tmp_path):
     rows = rows_of((tmp_path / "out" / "rounds.md").read_text())
     assert {*found["rounds"], *found["bias"]} <= rows.keys()
     assert rows["15"][1] == "–"
+
+
+def test_rounds_in_which_nothing_stands(said, monkeypatch):
+    nothing = {"tries": 0, "first": "cannot be grown", "rejected": [], "accepted": None}
+    monkeypatch.setattr(
+        "jenga_data.calibrate.rounds.tries_of_round", lambda round_number, **_: {"round": round_number} | nothing
+    )
+    found = said("rounds", "--towers", 2)
+    assert all(one["first_try"] == {"cannot be grown": 2} for one in found["rounds"].values())
+    assert found["bias"] == {}
 
 
 def test_turntable(said, tmp_path):
