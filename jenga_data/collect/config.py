@@ -59,8 +59,9 @@ class SelectionConfig:
     """Standard deviation of the speeds along y and z, drawn anew each control step [m/s]."""
     gains: tuple[float, float] = (4.0, 400.0)
     """Proportional [N s/m] and integral [N/m] gain of the servo."""
-    force_limit: float = 3.0
-    """Cap of the force along x [N]: what two fingertips hold without squeezing."""
+    force_limit: float = 2.0
+    """Cap of the force along x [N]: the upper end of a fingertip's light touch (1 to 2 N). A careful player pulls no
+    harder, and with 3 N nearly nothing is stuck any more: what does not come is torn out with what lies on it."""
     side_force_limit: float = 0.5
     """Cap of the force along y and z [N], 2.6 times a block's weight."""
     pull_seconds: float = 3.0
