@@ -75,10 +75,13 @@ def some_tries(spawn: SpawnConfig, physics: PhysicsConfig, seed: int, number: in
 
 
 def some_turn(config: CollectConfig, seed: int, number: int) -> dict[str, Any]:
-    """Tower 0 is at the brink of its equilibrium."""
+    """Tower 0 is at the brink of its equilibrium, tower 3 never comes to rest."""
     assert isinstance(config, SelectionConfig)
+    if number == 3:
+        return {"round": config.spawn.last_round, "rested": False}
     return {
         "round": config.spawn.last_round,
+        "rested": True,
         "displaced_mm": 0.0,
         "after_mm": 0.1 + 0.1 * number,
         "unturned_mm": 0.1 * number,

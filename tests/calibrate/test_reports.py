@@ -309,7 +309,8 @@ def test_rounds_in_which_nothing_stands(said, monkeypatch):
 
 
 def test_turntable(said, tmp_path):
-    found = said("turntable", "--towers", 3, "--round", 7)
+    found = said("turntable", "--towers", 4, "--round", 7)
+    assert found["rested"] == share(3, 4)
     assert found["fallen"] == share(0, 3)
     assert found["round"] == 7
     assert found["after_mm"]["median"] == pytest.approx(0.2)
