@@ -26,15 +26,14 @@ def movable(
         share = [free[which & (level == at)].mean() if (which & (level == at)).any() else np.nan for at in levels]
         left.plot(levels, share, "o-", color=colour, label=f"{name}, {free[which].mean():.0%}")
         left.axhline(real[name], color=colour, linestyle=":", linewidth=1.5)
-    left.axhline(real["movable"], color=MUTED_INK, linestyle=":", linewidth=1.5)
-    left.text(levels[-1], real["movable"] + 0.01, "all, real: 47 %", ha="right", color=MUTED_INK, fontsize=11)
-    left.set(xlabel="level, from the bottom", ylabel="share movable", ylim=(0, 1))
-    left.set_title(f"All blocks: {free.mean():.1%}")
-    left.legend(loc="upper left", title="dotted: real towers", title_fontsize=11)
+    left.axhline(real["movable"], color=MUTED_INK, linestyle=":", linewidth=1.5, label=f"all, {free.mean():.0%}")
+    left.set(xlabel="level, from the bottom", ylabel="share movable", ylim=(0, 1.05), xticks=levels[::3])
+    left.set_title("movable; dotted: real towers")
+    left.legend(loc="upper left", ncols=3, columnspacing=1.0, handletextpad=0.5)
     bins = np.linspace(0, limit, 31)
     broke = np.isfinite(force)
-    for name, which, colour in (("side", ~middle, ORANGE), ("middle", middle, BLUE)):
-        right.hist(force[which & broke], bins=list(bins), color=colour, alpha=0.75, label=name)
+    groups = [force[which & broke] for which in (middle, ~middle)]
+    right.hist(groups, bins=list(bins), color=[BLUE, ORANGE], label=["middle", "side"], stacked=True)
     right.set(xlabel="breakaway force [N]", ylabel="blocks", title=f"{(~broke).mean():.0%} did not move at {limit:g} N")
     right.legend()
     return figure
@@ -54,6 +53,11 @@ def contacts(settings: dict[str, dict[str, Any]]) -> Figure:
     axes[0].plot(drift[:, 1], at, "|", color=BLUE, markersize=12)
     axes[0].axvline(0.1, color=MUTED_INK, linestyle=":")
     axes[0].set(xscale="log", xlabel="drift at rest [mm/s]\nmedian and worst tower")
+    ticks = [0.01, 0.03, 0.1, 0.3, 1.0, 3.0]
+    shown = drift[np.isfinite(drift)]
+    kept = [tick for tick in ticks if not len(shown) or 0.3 * shown.min() < tick < 3 * shown.max()]
+    axes[0].set_xticks(kept, [f"{tick:g}" for tick in kept])
+    axes[0].set_xticks([], minor=True)
     for axis, key, label in (
         (axes[1], "played_stand", "played towers\nthat stand"),
         (axes[2], "failure", "failure of pulls"),
