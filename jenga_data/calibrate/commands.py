@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from jenga_data.collect.config import SelectionConfig
-from jenga_data.command_line import Json, MaybeFloat, Shown, Verb
+from jenga_data.command_line import Json, MaybeFloat, MaybeInt, Shown, Verb
 
 if TYPE_CHECKING:
     from jenga_data.calibrate.run import Run
@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 _OUT = Path("runs/calibrate")
 _SEED = 800_000
 """Below the seeds of evaluation, above any that data are collected with."""
+_ENOUGH_TO_COMPARE = 20
+"""Fewer towers tell no settings apart, and a small run should take a minute."""
 
 
 def _run(towers: int, seed: int, workers: int, out: Path) -> "Run":
@@ -57,7 +59,7 @@ def movable(
 
 def contacts(
     towers: int = 100,
-    few: int = 12,
+    few: MaybeInt = None,
     settings: tuple[str, ...] = (),
     seed: int = _SEED,
     workers: int = 2,
@@ -68,8 +70,9 @@ def contacts(
 
     Args:
         towers: fresh towers that rest for 10 s under the chosen setting.
-        few: fresh towers that rest under each of the others; twice as many play and are pulled at.
-        settings: names of the settings to compare; by default all.
+        few: fresh towers that rest under each of the others; twice as many play and are pulled at. By default an
+            eighth of the towers.
+        settings: names of the settings to compare; by default all, of fewer than 20 towers only the chosen one.
         seed: decides the towers.
         workers: processes that simulate.
         out: folder of the report; the same command goes on where it was interrupted.
@@ -77,14 +80,16 @@ def contacts(
     from jenga_data.calibrate.contacts import SETTINGS, contacts_report
 
     run = _run(towers, seed, workers, out)
-    return _shown(json, contacts_report(run, SelectionConfig(), min(few, towers), settings or tuple(SETTINGS)))
+    names = settings or (tuple(SETTINGS) if towers >= _ENOUGH_TO_COMPARE else ("chosen",))
+    few = max(1, towers // 8) if few is None else min(few, towers)
+    return _shown(json, contacts_report(run, SelectionConfig(), few, names))
 
 
 def ceiling(
     towers: int = 200,
     targets: int = 3,
     repeats: int = 10,
-    repeated: int = 100,
+    repeated: MaybeInt = None,
     seed: int = _SEED,
     workers: int = 2,
     out: Path = _OUT,
@@ -96,7 +101,7 @@ def ceiling(
         towers: of random rounds.
         targets: legal targets of each, pulled twice.
         repeats: pulls of the same target, for the first of them...
-        repeated: ...about so many.
+        repeated: ...about so many; by default one for every two towers.
         seed: decides the towers.
         workers: processes that simulate.
         out: folder of the report; the same command goes on where it was interrupted.
@@ -104,7 +109,9 @@ def ceiling(
     from jenga_data.calibrate.ceiling import ceiling_report
 
     run = _run(towers, seed, workers, out)
-    return _shown(json, ceiling_report(run, SelectionConfig(), targets, repeats, repeated))
+    return _shown(
+        json, ceiling_report(run, SelectionConfig(), targets, repeats, towers // 2 if repeated is None else repeated)
+    )
 
 
 def speed(

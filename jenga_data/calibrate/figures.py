@@ -96,7 +96,7 @@ def ceiling(by_round: dict[str, dict[str, Any]], votes: Bool[np.ndarray, "pull r
     left, right = figure.subplots(1, 2)
     _by(left, by_round, (("failure", VERMILLION, "failure"), ("agreement", BLUE, "two pulls agree")))
     left.set(xlabel="round", ylabel="share", ylim=(0, 1.02))
-    left.legend(loc="lower right")
+    left.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
     if votes.size:
         counts = np.bincount(votes.sum(1), minlength=votes.shape[1] + 1)
         right.bar(np.arange(len(counts)), counts, color=BLUE)

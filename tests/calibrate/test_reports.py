@@ -189,7 +189,7 @@ def test_movable(said, tmp_path):
 
 
 def test_contacts(said, tmp_path):
-    found = said("contacts", "--towers", 5, "--few", 3)
+    found = said("contacts", "--towers", 5, "--few", 3, "--settings", *SETTINGS)
     assert found["fallen"] == share(0, 5)
     assert found["drift_mm_per_s"] == pytest.approx({"median": 0.03, "worst": 0.05})
     assert found["sag_mm"] == 0.05
@@ -225,6 +225,18 @@ def test_contacts_under_which_nothing_stands(said, monkeypatch):
 def test_contacts_of_some_settings_always_have_the_chosen_one(said):
     for asked in (("impratio 1",), ("chosen", "impratio 1"), ("impratio 1", "impratio 1")):
         assert list(said("contacts", "--towers", 1, "--settings", *asked)["settings"]) == ["chosen", "impratio 1"]
+
+
+def test_few_towers_compare_no_settings_and_many_compare_all(said):
+    assert list(said("contacts", "--towers", 19)["settings"]) == ["chosen"]
+    found = said("contacts", "--towers", 24)["settings"]
+    assert list(found) == list(SETTINGS)
+    assert [one["fallen"]["n"] for one in found.values()] == [24] + [3] * (len(SETTINGS) - 1)
+
+
+def test_as_many_pulls_are_repeated_as_half_the_towers(said):
+    assert "repeated" not in said("ceiling", "--towers", 1)
+    assert said("ceiling", "--towers", 6)["repeated"]["pulls"] == 3
 
 
 def test_ceiling(said, tmp_path):
