@@ -37,8 +37,8 @@ SETTINGS: Mapping[str, PhysicsConfig] = {
     "chosen": CHOSEN,
     # One thing changed at a time.
     "half the step": replace(CHOSEN, timestep_ns=1_000_000),
-    "twice the step": replace(CHOSEN, timestep_ns=4_000_000, time_constant=0.008, damping_ratio=2.0),
-    "less damping": replace(CHOSEN, damping_ratio=3.0),
+    "twice the step": replace(CHOSEN, timestep_ns=4_000_000, time_constant=0.008, damping_ratio=3.0),
+    "less damping": replace(CHOSEN, damping_ratio=4.0),
     "little damping": replace(CHOSEN, damping_ratio=1.0),
     "softer when loaded": replace(CHOSEN, impedance=0.995),
     "hard at touch": replace(CHOSEN, touch_impedance=0.999),

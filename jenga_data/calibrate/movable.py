@@ -66,11 +66,15 @@ _PROGRESS = 0.001
 """A block that slid so far [m] has broken away."""
 
 
-def push_every_block(config: MovableConfig, seed: int, number: int) -> dict[str, Any]:
-    """Push each block of one fresh tower, always from the same state.
+PARTS = 3
+"""Of a tower, so that even one is shared out between workers."""
+
+
+def push_blocks(config: MovableConfig, seed: int, number: int, part: int) -> dict[str, Any]:
+    """Push each block of a part (0 to `PARTS` - 1) of one fresh tower, always from the same state.
 
     Returns:
-        Lists with an entry a block: `level`, `slot`, `end` (movable, stuck, dragged, collapsed), `travel` and `moved`
+        The tower's name, and lists with an entry a block: `level`, `slot`, `end` (movable, stuck, dragged, collapsed), `travel` and `moved`
         (of the block, and the most of any other) [mm], `breakaway` [N], the force at which it began to slide, NaN
         as None where it never did, and `load` [N], the computed weight on it.
     """
@@ -81,12 +85,13 @@ def push_every_block(config: MovableConfig, seed: int, number: int) -> dict[str,
     world = World(spec, state.blocks, state.layout)
     start = world.integration_state()
     sign = rng.choice([-1.0, 1.0], len(state.blocks))
-    pushes = [_push(world, start, block, sign[block], config) for block in range(len(state.blocks))]
+    blocks = np.array_split(np.arange(len(state.blocks)), PARTS)[part]
+    pushes = [_push(world, start, block, sign[block], config) for block in blocks.tolist()]
     return {
         "tower": state.blocks.tower,
         "tries": tries,
-        "level": state.layout.level.tolist(),
-        "slot": state.layout.slot.tolist(),
+        "level": state.layout.level[blocks].tolist(),
+        "slot": state.layout.slot[blocks].tolist(),
         **{name: [push[name] for push in pushes] for name in pushes[0]},
     }
 
@@ -137,10 +142,12 @@ REAL_MOVABLE = {"movable": 0.47, "middle": 0.537, "side": 0.316}
 
 def movable_report(run: Run, config: MovableConfig) -> dict[str, Any]:
     """Push every block of fresh towers."""
-    numbers = range(run.towers)
-    results = run.cases(
-        "movable", [(push_every_block, {"config": config, "seed": run.seed, "number": n}) for n in numbers]
-    )
+    cases = [
+        (push_blocks, {"config": config, "seed": run.seed, "number": number, "part": part})
+        for number in range(run.towers)
+        for part in range(PARTS)
+    ]
+    results = run.cases("movable", cases)
     end = np.array([end for result in results for end in result["end"]])
     slot = np.array([slot for result in results for slot in result["slot"]])
     tower = np.repeat([result["tower"] for result in results], [len(result["end"]) for result in results])
@@ -152,7 +159,7 @@ def movable_report(run: Run, config: MovableConfig) -> dict[str, Any]:
         "side": proportion_over_towers(free[~middle], tower[~middle]),
         "force_limit_n": config.push.force_limit,
         "friction": config.physics.friction,
-        "towers": len(results),
+        "towers": run.towers,
         "seed": run.seed,
         "ends": dict(sorted(Counter(end.tolist()).items())),
         "breakaway_n": quantiles(force[np.isfinite(force)]),
@@ -161,7 +168,7 @@ def movable_report(run: Run, config: MovableConfig) -> dict[str, Any]:
     }
     rows = [(name, report[name], REAL_MOVABLE[name]) for name in ("movable", "middle", "side")]
     text = (
-        f"{len(results)} fresh towers, every block pushed with at most {config.push.force_limit} N at "
+        f"{run.towers} fresh towers, every block pushed with at most {config.push.force_limit} N at "
         f"{config.push.speed} m/s; friction {config.physics.friction}.\n\n"
         + markdown_table(("Blocks", "Movable here", "Real towers"), rows)
         + "\n"

@@ -24,8 +24,9 @@ class PhysicsConfig:
     """Sliding friction of wood on wood and on the table; public simulators use 0.3 to 0.5."""
     time_constant: float = 0.004
     """Time constant of a contact [s], MuJoCo's solref[0]."""
-    damping_ratio: float = 4.0
-    """Damping ratio of a contact, MuJoCo's solref[1]."""
+    damping_ratio: float = 6.0
+    """Damping ratio of a contact, MuJoCo's solref[1]. With 4 a loose block that rocks on two others is kicked about
+    for ever and creeps by 0.1 mm/s; with 6 it comes to rest."""
     touch_impedance: float = 0.9
     """Constraint impedance of a contact that just touches, MuJoCo's solimp[0]: low, so that contacts come and go
     softly. With a constant impedance loose blocks rattle and creep, and the solver takes twice the iterations."""
