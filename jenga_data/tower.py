@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from jenga_data.blocks import BLOCK_COUNT, Blocks
+from jenga_data.blocks import BLOCK_COUNT, NOMINAL_SIZE, Blocks
 
 EMPTY = -1
 SLOTS = 3
@@ -137,6 +137,20 @@ class Layout:
     def __iter__(self) -> Iterator[tuple[int, Place]]:
         for level, slot in np.argwhere(self.grid != EMPTY):
             yield int(self.grid[level, slot]), Place(int(level), int(slot))
+
+
+def nominal_poses(layout: Layout, air: float = 0.0) -> Float[np.ndarray, "block 7"]:
+    """Where nominal blocks stand on an exact grid, `air` [m] between neighbours in a level."""
+    _, width, height = NOMINAL_SIZE
+    across = (layout.slot - CENTRE) * (width + air)
+    odd = layout.level % 2 == 1
+    pose = np.zeros((len(across), 7))
+    pose[:, 0] = np.where(odd, -across, 0.0)
+    pose[:, 1] = np.where(odd, 0.0, across)
+    pose[:, 2] = (layout.level + 0.5) * height
+    pose[:, 3] = np.where(odd, np.sqrt(0.5), 1.0)
+    pose[:, 6] = np.where(odd, np.sqrt(0.5), 0.0)
+    return pose
 
 
 @dataclass(frozen=True, eq=False)

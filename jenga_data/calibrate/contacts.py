@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from jenga_data.blocks import BLOCK_COUNT, NOMINAL_SIZE, sample_blocks
+from jenga_data.blocks import NOMINAL_SIZE, sample_blocks
 from jenga_data.calibrate import figures
 from jenga_data.calibrate.cases import Case
 from jenga_data.calibrate.run import Run
@@ -29,7 +29,7 @@ from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
 from jenga_data.statistics import Proportion, paired_difference, proportion_over_towers
-from jenga_data.tower import CENTRE, Layout
+from jenga_data.tower import Layout, nominal_poses
 
 CHOSEN = PhysicsConfig()
 
@@ -64,6 +64,8 @@ SETTINGS: Mapping[str, PhysicsConfig] = {
 
 REST_SECONDS = 10.0
 SETTLED_SECONDS = 2.0
+_AIR = 0.0002
+"""Between the blocks of a level whose sag is measured [m]."""
 
 
 def rest(physics: PhysicsConfig, seed: int, number: int) -> dict[str, Any]:
@@ -97,16 +99,8 @@ def sag(physics: PhysicsConfig) -> dict[str, Any]:
     """How far a nominal tower's blocks sink into each other at rest: the median over its interfaces [mm]."""
     blocks = sample_blocks("nominal", np.random.default_rng(0))
     layout = Layout.fresh()
-    pitch = NOMINAL_SIZE[0] / 3 + 0.0002
-    across = (layout.slot - CENTRE) * pitch
-    odd = layout.level % 2 == 1
-    xy = np.where(odd[:, None], np.stack([-across, 0 * across], 1), np.stack([0 * across, across], 1))
-    pose = np.zeros((BLOCK_COUNT, 7))
-    pose[:, :2] = xy
-    pose[:, 2] = (layout.level + 0.5) * NOMINAL_SIZE[2]
-    pose[:, 3], pose[:, 6] = np.where(odd, np.sqrt(0.5), 1.0), np.where(odd, np.sqrt(0.5), 0.0)
     spec = base_spec(physics)
-    add_tower(spec, blocks, pose, target=-1, physics=physics)
+    add_tower(spec, blocks, nominal_poses(layout, _AIR), target=-1, physics=physics)
     world = World(spec, blocks, layout)
     world.step(round(1e9 / physics.timestep_ns))
     height = np.array([world.pose[layout.grid[level], 2].mean() for level in range(len(layout.grid))])

@@ -74,9 +74,9 @@ def push_blocks(config: MovableConfig, seed: int, number: int, part: int) -> dic
     """Push each block of a part (0 to `PARTS` - 1) of one fresh tower, always from the same state.
 
     Returns:
-        The tower's name, and lists with an entry a block: `level`, `slot`, `end` (movable, stuck, dragged, collapsed), `travel` and `moved`
-        (of the block, and the most of any other) [mm], `breakaway` [N], the force at which it began to slide, NaN
-        as None where it never did, and `load` [N], the computed weight on it.
+        The tower's name, and lists with an entry a block: `level`, `slot`, `end` (movable, stuck, dragged, collapsed),
+        `travel` and `moved` (of the block, and the most of any other) [mm], `breakaway` [N], the force at which it
+        began to slide, NaN as None where it never did.
     """
     rng = episode_rng(seed, number, "movable")
     state, tries = standing_tower(config.spawn, config.physics, 1, rng, name=f"seed {seed}, number {number}")

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from jenga_data.calibrate.movable import PARTS
 from jenga_data.collect.config import CollectConfig, SelectionConfig, SpawnConfig
 from jenga_data.outcome import Outcome
 from jenga_data.sim.physics import PhysicsConfig
@@ -12,17 +13,21 @@ from jenga_data.sim.physics import PhysicsConfig
 BLOCKS = 6
 
 
-def every_block(config: Any, seed: int, number: int) -> dict[str, Any]:
-    """Of two levels: the middles move at 0.2 and 0.4 N, one block is dragged at 0.6 N, the others are stuck."""
-    return {
-        "tower": f"tower {number}",
-        "tries": 1,
+def some_blocks(config: Any, seed: int, number: int, part: int) -> dict[str, Any]:
+    """A part of two levels: the middles move at 0.2 and 0.4 N, one block is dragged at 0.6 N, the others are stuck."""
+    all_blocks = {
         "level": [0, 0, 0, 1, 1, 1],
         "slot": [0, 1, 2, 0, 1, 2],
         "end": ["stuck", "movable", "stuck", "dragged", "movable", "stuck"],
         "travel": [0.1, 20.5, 0.1, 7.0, 20.5, 0.1],
         "moved": [0.0, 0.5, 0.0, 6.0, 0.5, 0.0],
         "breakaway": [None, 0.2, None, 0.6, 0.4, None],
+    }
+    share = BLOCKS // PARTS
+    return {
+        "tower": f"tower {number}",
+        "tries": 1,
+        **{name: values[part * share : (part + 1) * share] for name, values in all_blocks.items()},
     }
 
 
@@ -119,7 +124,7 @@ def some_pulls(config: SelectionConfig, seed: int, number: int, repeats: int) ->
 
 
 CASES: dict[str, Callable[..., dict[str, Any]]] = {
-    "movable.push_every_block": every_block,
+    "movable.push_blocks": some_blocks,
     "ceiling.repeated_pulls": some_repeated,
     "speed.pulls_at_speeds": some_speeds,
     "sleep.with_and_without": some_sleep,

@@ -5,13 +5,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hand_built import layout_of, short_towers, stacked_poses
+from nominal_tower import layout_of
+from short_towers import short_towers
 
 from jenga_data.blocks import GRAVITY, NOMINAL_SIZE, Blocks
 from jenga_data.calibrate import contacts, trial
 from jenga_data.calibrate.ceiling import repeated_pulls
 from jenga_data.calibrate.contacts import CHOSEN, SETTINGS
-from jenga_data.calibrate.movable import MovableConfig, PushConfig, _push, push_every_block
+from jenga_data.calibrate.movable import PARTS, MovableConfig, PushConfig, _push, push_blocks
 from jenga_data.calibrate.rounds import _taken, tries_of_round
 from jenga_data.calibrate.sleep import with_and_without
 from jenga_data.calibrate.speed import pulls_at_speeds
@@ -21,6 +22,7 @@ from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
 from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
+from jenga_data.tower import nominal_poses
 
 SPAWN = SpawnConfig(first_round=1, last_round=1, stand=0.32)
 SELECTION = SelectionConfig(spawn=SPAWN, physics=SETTINGS["twice the step"])
@@ -42,7 +44,7 @@ def settled(*levels: str, mass: dict[int, float]) -> World:
         masses[heavy] = kilograms
     blocks = Blocks(size, masses)
     spec = base_spec(CHOSEN)
-    add_tower(spec, blocks, stacked_poses(layout, air=0.0002), target=-1, physics=CHOSEN)
+    add_tower(spec, blocks, nominal_poses(layout, air=0.0002), target=-1, physics=CHOSEN)
     world = World(spec, blocks, layout)
     world.step(50)
     return world
@@ -116,16 +118,18 @@ def test_a_force_that_is_none_is_refused(limit):
         PushConfig(force_limit=limit)
 
 
-def test_every_block_of_a_tower_is_pushed_from_the_same_state():
+def test_every_block_of_a_tower_is_pushed_from_the_same_state_whichever_part_it_is_in():
     config = MovableConfig(spawn=replace(SPAWN), push=PushConfig(distance=0.002))
     with short_towers(2):
-        one, same, other = (push_every_block(config, 0, number) for number in (0, 0, 1))
-    assert one == same
-    assert one["tower"] != other["tower"]
-    assert sorted(zip(one["level"], one["slot"], strict=True)) == [(n, s) for n in range(2) for s in range(3)]
-    assert all(len(one[name]) == 6 for name in ("end", "travel", "moved", "breakaway"))
-    top = [end for end, level in zip(one["end"], one["level"], strict=True) if level == 1]
-    assert top == ["movable"] * 3  # nothing rests on them
+        parts = [push_blocks(config, 0, 0, part) for part in range(PARTS)]
+        again, other = push_blocks(config, 0, 0, 1), push_blocks(config, 0, 1, 1)
+    assert again == parts[1]
+    assert {part["tower"] for part in parts} != {other["tower"]}
+    places = [place for part in parts for place in zip(part["level"], part["slot"], strict=True)]
+    assert sorted(places) == [(n, s) for n in range(2) for s in range(3)]
+    assert all(len(part[name]) == 6 / PARTS for part in parts for name in ("end", "travel", "moved", "breakaway"))
+    ends = [end for part in parts for end, level in zip(part["end"], part["level"], strict=True) if level == 1]
+    assert ends == ["movable"] * 3  # nothing rests on them
 
 
 # --- contact settings ----------------------------------------------------------------------------------------------

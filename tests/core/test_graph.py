@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nominal_tower import layout_of, nominal_state, stacked_poses
+from nominal_tower import layout_of, nominal_state
 
 from jenga_data.errors import JengaError
 from jenga_data.graph import node_features, support_edges, support_matrix
 from jenga_data.graph_spec import FEATURE_WIDTH, GRAPHS, GraphSpec, graph_spec
-from jenga_data.tower import Layout
+from jenga_data.tower import Layout, nominal_poses
 
 FRESH = nominal_state(Layout.fresh(np.arange(54)))
 SMALL = nominal_state(layout_of("xxx", "x.x", "xxx", ".x."))
@@ -22,7 +22,7 @@ def pairs(edges: np.ndarray) -> set[tuple[int, int]]:
 
 @pytest.mark.parametrize("air", [0.0, 0.0002])
 def test_a_fresh_tower_has_nine_edges_between_levels_and_no_others(air):
-    edges = support_edges(stacked_poses(FRESH.layout, air), FRESH.blocks.size)
+    edges = support_edges(nominal_poses(FRESH.layout, air), FRESH.blocks.size)
     level = FRESH.layout.level
     assert len(pairs(edges)) == edges.shape[1] == 17 * 9
     np.testing.assert_array_equal(level[edges[0]], level[edges[1]] + 1)

@@ -2,12 +2,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from nominal_tower import layout_of, nominal_blocks, stacked_poses
+from nominal_tower import layout_of, nominal_blocks
 
 from jenga_data.blocks import GRAVITY, NOMINAL_SIZE, Blocks, sample_blocks
 from jenga_data.contact_law import ContactLaw
 from jenga_data.statics import Equilibrium, PlanarPose, solve
-from jenga_data.tower import Layout
+from jenga_data.tower import Layout, nominal_poses
 
 STIFFNESS = 5e5
 LAW = ContactLaw.linear(STIFFNESS)
@@ -16,7 +16,7 @@ LENGTH, WIDTH, HEIGHT = NOMINAL_SIZE
 
 def planar_of(layout: Layout, noise: float = 0.0, seed: int = 0) -> PlanarPose:
     rng = np.random.default_rng(seed)
-    xy = stacked_poses(layout, air=0.0002)[:, :2]
+    xy = nominal_poses(layout, air=0.0002)[:, :2]
     yaw = np.pi / 2 * layout.orientation
     return PlanarPose(xy + rng.normal(0, noise, xy.shape), yaw + rng.normal(0, 4 * noise, yaw.shape))
 
