@@ -27,6 +27,46 @@ class Contacts:
     force: Float[np.ndarray, "contact 3"]
 
 
+@dataclass(frozen=True)
+class Solid:
+    """A primitive of a link, as a viewer draws it, in the link's frame.
+
+    `shape` is "box" (`size`: edge lengths along x, y, z), "sphere" (radius, 0, 0), or "cylinder" or "capsule" (radius,
+    length without a capsule's caps, 0), both along the solid's own z [m]. `pose` is x y z and a wxyz quaternion.
+    """
+
+    shape: str
+    size: tuple[float, float, float]
+    pose: tuple[float, float, float, float, float, float, float]
+    color: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True)
+class Link:
+    """A rigid part of the robot or of what belongs to it: a link of the arm, a finger, the push-stick, its holder."""
+
+    name: str
+    solids: tuple[Solid, ...]
+
+
+@dataclass(frozen=True)
+class RobotModel:
+    """What of a robot stays the same in an episode: the names of its joints, and its links."""
+
+    joints: tuple[str, ...]
+    links: tuple[Link, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class RobotState:
+    """A robot at one moment: its joints [rad, rad/s, N m], and the links' poses in the world."""
+
+    position: Float[np.ndarray, " joint"]
+    velocity: Float[np.ndarray, " joint"]
+    torque: Float[np.ndarray, " joint"]
+    link_pose: Float[np.ndarray, "link 7"]
+
+
 @dataclass(frozen=True, eq=False)
 class EpisodeHeader:
     """All that is known of an episode before its first frame.
@@ -49,6 +89,7 @@ class EpisodeHeader:
     checkpoint: str = ""
     provenance: dict[str, str] = field(default_factory=dict)
     control_step_ns: int = CONTROL_STEP_NS
+    robot: RobotModel | None = None
 
     @property
     def round(self) -> int:
@@ -57,7 +98,11 @@ class EpisodeHeader:
 
 @dataclass(frozen=True, eq=False)
 class Frame:
-    """The state at one control step. `sim_state` is MuJoCo's integration state, empty where there is no MuJoCo."""
+    """The state at one control step.
+
+    `sim_state` is MuJoCo's integration state, empty where there is no MuJoCo. `turntable` is the angle by which the
+    turntable has turned since frame 0 [rad]; `robot` is None where the episode has none.
+    """
 
     index: int
     time_ns: int
@@ -65,6 +110,8 @@ class Frame:
     twist: Float[np.ndarray, "block 6"]
     contacts: Contacts
     sim_state: Float[np.ndarray, " state"]
+    turntable: float = 0.0
+    robot: RobotState | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,8 +165,18 @@ class GripperTrack:
 
 
 @dataclass(frozen=True, eq=False)
+class RobotTrack:
+    """The robot's states at all frames, stacked."""
+
+    position: Float[np.ndarray, "frame joint"]
+    velocity: Float[np.ndarray, "frame joint"]
+    torque: Float[np.ndarray, "frame joint"]
+    link_pose: Float[np.ndarray, "frame link 7"]
+
+
+@dataclass(frozen=True, eq=False)
 class Episode:
-    """A whole log, stacked. `result` is None where the log ends before its outcome."""
+    """A whole log, stacked. `result` is None where the log ends before its outcome, `robot` where there is none."""
 
     header: EpisodeHeader
     time_ns: Int[np.ndarray, " frame"]
@@ -133,6 +190,8 @@ class Episode:
     gripper: GripperTrack
     phases: list[Phase]
     result: Result | None
+    turntable: Float[np.ndarray, " frame"]
+    robot: RobotTrack | None
 
     def tower_state(self, frame: SupportsIndex) -> TowerState:
         """The tower at `frame`, as the controller saw it."""
