@@ -13,8 +13,8 @@ from jenga_data.collect.recording import Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.episode import Result
-from jenga_data.sim.gripper import Gripper
-from jenga_data.sim.scene import add_gripper, add_tower, base_spec, xml_with_start
+from jenga_data.sim.gripper import Gripper, add_gripper
+from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.world import World
 from jenga_data.tower import TowerState
 
@@ -85,7 +85,7 @@ def run_extraction(
             gripper.drive((i + 1) / steps)
             world.step()
             if (i + 1) % config.physics.steps_a_touch == 0:
-                recording.gripper(gripper.sample(recording.time_ns(), world.contacts()))
+                recording.gripper(gripper.sample(recording.time_ns()))
 
         def hold(i: int) -> None:
             if i == 0:
