@@ -9,6 +9,8 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
+from jenga_data.tower import turn_poses
+
 _NO_SHADOW = 1e-9
 """An edge that is shorter seen from above [m] stands upright and has no direction."""
 
@@ -22,6 +24,17 @@ def rotation_matrices(quat: Float[np.ndarray, "*batch 4"]) -> Float[np.ndarray, 
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def in_table_frame(
+    pose: Float[np.ndarray, "frame block 7"], angle: Float[np.ndarray, " frame"]
+) -> Float[np.ndarray, "frame block 7"]:
+    """Poses as one sees them who turns with the turntable: rotated about the world's z by minus its angle [rad].
+
+    What stands on the turntable keeps its place here while the turntable turns. Signs of quaternions are those of
+    `turn_poses`; positions are exactly those of the world where the angle is 0.
+    """
+    return turn_poses(pose, -angle[:, None])
 
 
 def half_height(

@@ -190,8 +190,10 @@ def turn_vectors(vectors: Float[np.ndarray, "*batch 3"], quarter_turns: int) -> 
     return np.stack([c * x - s * y, s * x + c * y, z], axis=-1)
 
 
-def turn_poses(pose: Float[np.ndarray, "*batch 7"], angle: float) -> Float[np.ndarray, "*batch 7"]:
-    """Rotate poses about the world's z axis by `angle` [rad].
+def turn_poses(
+    pose: Float[np.ndarray, "*batch 7"], angle: float | Float[np.ndarray, "*#batch"]
+) -> Float[np.ndarray, "*batch 7"]:
+    """Rotate poses about the world's z axis by `angle` [rad], one for all or one each.
 
     Of an orientation's two quaternions the one nearest to a yaw of 135 degrees is taken: blocks of a tower point at
     0, 90, 180 or 270 degrees, so a tower has the same numbers however often it was turned, and noise flips no sign.

@@ -5,7 +5,14 @@ import pytest
 from nominal_tower import layout_of, nominal_state
 from scipy.spatial.transform import Rotation
 
-from jenga_data.geometry import clear_of_others, footprint_overlap, half_height, rotation_matrices, vertical_gap
+from jenga_data.geometry import (
+    clear_of_others,
+    footprint_overlap,
+    half_height,
+    in_table_frame,
+    rotation_matrices,
+    vertical_gap,
+)
 
 Scene = tuple[np.ndarray, np.ndarray]
 """Poses and sizes."""
@@ -175,3 +182,27 @@ def test_batch_axes_are_loops():
     for i, j in np.ndindex(2, 3):
         np.testing.assert_array_equal(clear_of_others(pose, size, 2)[i, j], clear_of_others(pose[i, j], size, 2))
         np.testing.assert_array_equal(rotation_matrices(pose[..., 3:])[i, j], rotation_matrices(pose[i, j, :, 3:]))
+
+
+def test_what_turns_with_the_turntable_stands_still_in_its_frame():
+    pose, _ = tumbling(4)
+    angle = np.array([0.0, 0.3, np.pi / 2, -2.0, 7.5])
+    seen = in_table_frame(np.stack([turned(pose, a, np.zeros(3)) for a in angle]), angle)
+    np.testing.assert_allclose(seen[..., :3], np.broadcast_to(pose[:, :3], (5, 8, 3)), atol=1e-15)
+    axes = rotation_matrices(seen[..., 3:])
+    np.testing.assert_allclose(axes, np.broadcast_to(rotation_matrices(pose[:, 3:]), axes.shape), atol=1e-14)
+
+
+def test_where_the_turntable_never_turned_its_frame_is_the_world():
+    pose = np.stack([tumbling(seed)[0] for seed in range(3)])
+    seen = in_table_frame(pose, np.zeros(3))
+    np.testing.assert_array_equal(seen[..., :3], pose[..., :3])
+    np.testing.assert_allclose(rotation_matrices(seen[..., 3:]), rotation_matrices(pose[..., 3:]), atol=1e-15)
+
+
+def test_the_frame_of_the_turntable_turns_against_it():
+    """After a quarter turn of the table, what stayed behind at +x in the world is at -y of the table."""
+    stays = np.array([[[1.0, 0, 0, 1, 0, 0, 0]]])
+    seen = in_table_frame(stays, np.array([np.pi / 2]))[0, 0]
+    np.testing.assert_allclose(seen[:3], [0, -1, 0], atol=1e-15)
+    np.testing.assert_allclose(rotation_matrices(seen[3:])[:, 0], [0, -1, 0], atol=1e-15)
