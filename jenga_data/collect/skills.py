@@ -5,17 +5,16 @@ The stick and the block are held by the fingers' friction alone.
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
 
-from jenga_data.collect.config import RobotConfig
+from jenga_data.collect.config import ExtractionConfig
+from jenga_data.collect.extraction import SLIP
 from jenga_data.collect.recording import Recording
 from jenga_data.collect.rest import WINDOW, at_rest
-from jenga_data.episode import ROBOT
+from jenga_data.episode import TABLE
 from jenga_data.sim.arm import Path
-from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, STICK_REACH, STICK_WIDTH, TRAY, Robot
 from jenga_data.sim.set_point import PERIOD
 from jenga_data.sim.turntable import MinimumJerk, whole_frames
@@ -33,6 +32,7 @@ CAUSES = {
     "grasp_missed": "the fingers closed and nothing was between them",
     "grasp_two_blocks": "the fingers touched another block than the target",
     "slipped": "the target moved in the fingers by more than 5 mm",
+    "out_of_reach": "the next action would have taken the hand out of the arm's reach or speed",
     "dropped": "the target fell out of the fingers",
     "out_of_time": "the target was still in the tower after the last action",
 }
@@ -40,8 +40,10 @@ CAUSES = {
 
 DRAGGED = 0.005
 """A push that moves another block by more [m] has dragged it; `jenga calibrate movable` has the same limit."""
-SLIP = 0.005
+_X, _Z = np.eye(3)[0], np.eye(3)[2]
 _STICK_LIFT = 0.04
+_DROP = 0.001
+"""What is put down is let go so far above where it will lie [m]."""
 _BEHIND = 0.05
 """The open hand comes from so far behind what it grasps [m]."""
 _SAFE = 0.004
@@ -56,18 +58,20 @@ _REST_SECONDS = 3.0
 """A tower that was touched gets so long to come to rest [s]."""
 
 
-@dataclass(frozen=True)
 class Failure(Exception):
-    """A skill's named failure."""
+    """A skill's named failure, one of `CAUSES`, that ends the rollout."""
 
-    cause: str
+    def __init__(self, cause: str) -> None:
+        super().__init__(f"{cause}: {CAUSES[cause]}")
+        self.cause = cause
 
 
 class Skills:
     """The skills of one robot in one recorded rollout."""
 
-    def __init__(self, robot: Robot, recording: Recording, config: RobotConfig, physics: PhysicsConfig) -> None:
-        self._robot, self._recording, self._config, self._physics = robot, recording, config, physics
+    def __init__(self, robot: Robot, recording: Recording, config: ExtractionConfig) -> None:
+        self._robot, self._recording = robot, recording
+        self._config, self._physics, self._pad = config.robot, config.physics, config.gripper.pad
         self._arm, self._world = robot.arm, robot.world
         self._target, self._size = recording.target, robot.world.blocks.size[recording.target]
         self.may_touch: frozenset[int] = frozenset()
@@ -97,9 +101,15 @@ class Skills:
         if self._robot.collides():
             raise Failure("self_collision")
         contacts = self._recording.contacts
-        touched = set(contacts.first[contacts.second <= ROBOT].tolist()) - self.may_touch
-        if touched:
-            raise Failure("bumped")
+        touched = set(contacts.first[contacts.second < TABLE].tolist())
+        if touched - self.may_touch:
+            raise Failure("grasp_two_blocks" if self._target in self.may_touch else "bumped")
+
+    def watching(self, i: int) -> None:
+        """One physics step of looking on, whatever happens."""
+        if i == 0:
+            self._arm.begin(np.zeros(3))
+        self.substep(i)
 
     def hold(self, frames: int = 1, turning: Iterator[None] | None = None) -> None:
         """Stay where the hand is."""
@@ -170,58 +180,58 @@ class Skills:
     def take_stick(self) -> None:
         """Grasp the stick in its holder from behind, and lift it."""
         place = self._stick_grip()
-        self.follow(self.straight(place - [_BEHIND, 0, 0], place, speed=self._config.speed))
+        self.follow(self.straight(place - _BEHIND * _X, place, speed=self._config.speed))
         self._close()
         if abs(self._arm.width - STICK_WIDTH) > 0.002:
             raise Failure("stick_missed")
         before = self._robot.stick
-        self.follow(self.straight(place + [0, 0, _STICK_LIFT], speed=self._config.speed))
+        self.follow(self.straight(place + _STICK_LIFT * _Z, speed=self._config.speed))
         if abs(self._robot.stick[2] - before[2] - _STICK_LIFT) > 0.003:
             raise Failure("stick_missed")
 
-    def push(self) -> None:
+    def push(self) -> str:
         """Push the target in +x by the configured distance, as long as it takes no more than the configured force.
 
+        Returns:
+            What went wrong and leaves a target that may stick out all the same: `push_dragged_layer`, `push_stuck`, "".
+
         Raises:
-            Failure: `push_stuck`, `push_dragged_layer` or `push_toppled`; the target may stick out all the same.
+            Failure: `push_toppled`, or one of a motion.
         """
         config, recording, target = self._config, self._recording, self._target
         before = recording.poses[-1]
-        end = before[target, :3] - [self._size[0] / 2, 0, 0]
-        ready = end - [STICK_REACH + _SAFE, 0, 0]
-        self.follow(self.straight(ready - [_BEHIND, 0, 0], speed=config.speed))
+        ready = before[target, :3] - (self._size[0] / 2 + STICK_REACH + _SAFE) * _X
+        self.follow(self.straight(ready - _BEHIND * _X, speed=config.speed))
         self.follow(self.straight(ready, speed=config.approach_speed))
         self._world.allow_sleep(False)
         self.may_touch = frozenset(range(len(before)))
-        forward = self.straight(ready + [_SAFE + config.push_distance, 0, 0], speed=config.push_speed)
+        forward = self.straight(ready + (_SAFE + config.push_distance) * _X, speed=config.push_speed)
         self.follow(forward, lambda: self._resistance() > config.push_force or recording.has_collapsed())
-        back = self.straight(ready - [_BEHIND, 0, 0], speed=config.approach_speed)
-        self.follow(back)
+        self.follow(self.straight(ready - _BEHIND * _X, speed=config.approach_speed))
         self.may_touch = frozenset()
         after = recording.poses[-1]
         if recording.has_collapsed():
             raise Failure("push_toppled")
-        others = np.delete(np.linalg.norm(after[:, :3] - before[:, :3], axis=1), target)
-        if others.max() > DRAGGED:
-            raise Failure("push_dragged_layer")
-        if after[target, 0] - before[target, 0] < config.push_distance - config.push_tolerance:
-            raise Failure("push_stuck")
+        if np.delete(np.linalg.norm(after[:, :3] - before[:, :3], axis=1), target).max() > DRAGGED:
+            return "push_dragged_layer"
+        short = after[target, 0] - before[target, 0] < config.push_distance - config.push_tolerance
+        return "push_stuck" if short else ""
 
     def way_home_with_stick(self) -> Path:
         """From anywhere to over the stick's holder, and down into it."""
         place = self._stick_grip()
-        return self.straight(place + [0, 0, _STICK_LIFT], place + [0, 0, 0.001], speed=self._config.speed)
+        return self.straight(place + _STICK_LIFT * _Z, place + _DROP * _Z, speed=self._config.speed)
 
     def let_go_of_stick(self) -> None:
         """Open the fingers over the holder and draw back."""
         self._open()
-        self.follow(self.straight(self._arm.set_point - [_BEHIND, 0, 0], speed=self._config.speed))
+        self.follow(self.straight(self._arm.set_point - _BEHIND * _X, speed=self._config.speed))
 
     def sticks_out(self) -> float:
         """By how much the target's end at -x sticks out in front of everything that the fingers could touch [m]."""
         pose, size = self._recording.poses[-1], self._world.blocks.size
         end = pose[self._target, 0] - self._size[0] / 2
-        near = np.abs(pose[:, 2] - pose[self._target, 2]) < 0.5 * self._size[2] + 0.012
+        near = np.abs(pose[:, 2] - pose[self._target, 2]) < (self._size[2] + self._pad[2]) / 2
         near[self._target] = False
         along = np.abs(1 - 2 * (pose[:, 5] ** 2 + pose[:, 6] ** 2))
         front = pose[:, 0] - np.where(along > 0.5, size[:, 0], size[:, 1]) / 2
@@ -234,13 +244,13 @@ class Skills:
             Failure: it does not stick out far enough (`push_stuck`), or one of the grasp's own.
         """
         out, recording = self.sticks_out(), self._recording
-        half = self._pad / 2
+        half = self._pad[0] / 2
         if out < _LEAST_HOLD + _CLEARANCE:
             raise Failure("push_stuck")
-        end = recording.poses[-1][self._target, :3] - [self._size[0] / 2, 0, 0]
-        place = end + [min(out / 2, out - _CLEARANCE - half), 0, 0]
+        end = recording.poses[-1][self._target, :3] - self._size[0] / 2 * _X
+        place = end + min(out / 2, out - _CLEARANCE - half) * _X
         recording.phase("approach")
-        self.follow(self.straight(place - [_BEHIND, 0, 0], speed=self._config.speed))
+        self.follow(self.straight(place - _BEHIND * _X, speed=self._config.speed))
         self.may_touch = frozenset({self._target})
         self.follow(self.straight(place, speed=self._config.approach_speed))
         recording.phase("grasp")
@@ -261,7 +271,7 @@ class Skills:
         """Carry the target away to the tray, put it down and draw back."""
         config, recording = self._config, self._recording
         held = recording.poses[-1][self._target, :3] - self._arm.set_point
-        over = TRAY + [0, 0, self._size[2] / 2 + 0.002] - held
+        over = TRAY + (self._size[2] / 2 + _DROP) * _Z - held
         here = self._arm.set_point
         aside = np.array([min(here[0], over[0]), here[1], here[2]])
         high = np.array([over[0], over[1], max(over[2] + 0.03, here[2])])
@@ -273,18 +283,14 @@ class Skills:
     def draw_back(self) -> None:
         """Open the fingers and leave."""
         self._open()
-        self.follow(self.straight(self._arm.set_point - [_BEHIND, 0, 0], speed=self._config.approach_speed))
+        self.follow(self.straight(self._arm.set_point - _BEHIND * _X, speed=self._config.approach_speed))
         self.may_touch = frozenset()
 
     # --- pieces ------------------------------------------------------------------------------------------------------
 
-    @property
-    def _pad(self) -> float:
-        return self._config.gripper_pad
-
     def _stick_grip(self) -> Float[np.ndarray, "3"]:
         """Where the fingers hold the stick in its holder."""
-        return STICK_PLACE - np.array([STICK_LENGTH / 2 - STICK_GRIP, 0, 0])
+        return STICK_PLACE - (STICK_LENGTH / 2 - STICK_GRIP) * _X
 
     def _resistance(self) -> float:
         """What pushes the hand back along -x [N]."""

@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from jenga_data import palette
 from jenga_data.episode import GripperSample
-from jenga_data.errors import JengaError
+from jenga_data.errors import UnreachableError
 from jenga_data.sim.fingers import Fingers, add_fingers
 from jenga_data.sim.panda import JOINTS, add_arm, limits
 from jenga_data.sim.physics import ArmConfig, GripperConfig, PhysicsConfig
@@ -21,13 +21,10 @@ _PALM = 0.065
 """Depth of the palm between flange and fingers [m]."""
 _MOUNT = -np.pi / 4
 """The hand is turned by this about the flange's axis, as the maker's own [rad]."""
+_TOUCHING = (("link_0", "link_1"), ("link_5", "link_7"), ("link_6", "flange"), ("link_7", "flange"), ("link_7", "hand"))
 _REACHED, _ALIGNED = 2e-5, 2e-4
 """A pose is solved to so many metres and radians."""
 _ITERATIONS = 60
-
-
-class UnreachableError(JengaError):
-    """The arm cannot take the hand there."""
 
 
 def add_robot(spec: mujoco.MjSpec, arm: ArmConfig, gripper: GripperConfig, physics: PhysicsConfig) -> None:
@@ -37,13 +34,17 @@ def add_robot(spec: mujoco.MjSpec, arm: ArmConfig, gripper: GripperConfig, physi
     _add_hand(spec, flange, gripper, contact)
     add_fingers(spec, spec.body("hand"), gripper, physics, solid=True)
     # Neighbours overlap at their joint, these also across the one between them.
-    for first, second in (("link_0", "link_1"), ("link_5", "link_7"), ("link_6", "flange"), ("link_7", "hand"), ("link_7", "flange")):
+    for first, second in (
+        ("link_0", "link_1"),
+        ("link_5", "link_7"),
+        ("link_6", "flange"),
+        ("link_7", "hand"),
+        ("link_7", "flange"),
+    ):
         spec.add_exclude(name=f"{first} {second}", bodyname1=first, bodyname2=second)
 
 
-def _add_hand(
-    spec: mujoco.MjSpec, flange: mujoco.MjsBody, gripper: GripperConfig, contact: dict[str, object]
-) -> None:
+def _add_hand(spec: mujoco.MjSpec, flange: mujoco.MjsBody, gripper: GripperConfig, contact: dict[str, object]) -> None:
     """A palm whose frame lies between the fingertips: x along the flange's z, y to the left finger."""
     forward, left = np.array([0.0, 0.0, 1.0]), np.array([np.cos(_MOUNT), np.sin(_MOUNT), 0.0])
     quaternion = np.empty(4)
@@ -86,7 +87,9 @@ class Kinematics:
         self._data = mujoco.MjData(model)
         self.home = self._solved(np.array(arm.home), np.array(arm.posture), iterations=400)
 
-    def path(self, start: Float[np.ndarray, "7"], point: Float[np.ndarray, "knot 3"], velocity: Float[np.ndarray, "knot 3"]) -> Path:
+    def path(
+        self, start: Float[np.ndarray, "7"], point: Float[np.ndarray, "knot 3"], velocity: Float[np.ndarray, "knot 3"]
+    ) -> Path:
         """The joints' way along set points of the hand [m] with its velocities there [m/s].
 
         Raises:

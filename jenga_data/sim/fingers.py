@@ -68,9 +68,9 @@ class Fingers:
 
     def __init__(self, world: World, config: GripperConfig) -> None:
         self._world = world
-        self._presses = [world.model.actuator(f"{side}_finger").id for side, _ in _SIDES]
-        self._joints = [world.model.joint(f"{side}_finger").qposadr[0] for side, _ in _SIDES]
-        self._pads = np.array([world.model.geom(f"{side}_pad").id for side, _ in _SIDES])
+        self._finger_drives = [world.model.actuator(f"{side}_finger").id for side, _ in _SIDES]
+        self._finger_qpos = [world.model.joint(f"{side}_finger").qposadr[0] for side, _ in _SIDES]
+        self._finger_pads = np.array([world.model.geom(f"{side}_pad").id for side, _ in _SIDES])
         self._site = world.model.site("grasp").id
         self._grip_force = config.grip_force
         self._opening = config.opening
@@ -91,26 +91,26 @@ class Fingers:
     @property
     def width(self) -> float:
         """Distance between the fingertips [m]."""
-        return float(self._opening - self._world.data.qpos[self._joints].sum())
+        return float(self._opening - self._world.data.qpos[self._finger_qpos].sum())
 
     def close(self, part: float = 1.0) -> None:
         """Press the fingers together with a part of the grip force (0 to 1) from now on; raise it slowly so as not to
         hit what they close on."""
-        self._world.data.ctrl[self._presses] = part * self._grip_force
+        self._world.data.ctrl[self._finger_drives] = part * self._grip_force
 
     def release(self) -> None:
         """Drive the fingers apart, gently."""
-        self._world.data.ctrl[self._presses] = -_OPENING_FORCE
+        self._world.data.ctrl[self._finger_drives] = -_OPENING_FORCE
 
     def felt(self) -> Float[np.ndarray, "2 3"]:
         """The force on the left and the right fingertip, by whatever it touches, in the gripper's frame [N]."""
         data = self._world.data
         contact, force = data.contact, np.zeros((2, 3))
-        touching = np.flatnonzero(np.isin(contact.geom, self._pads).any(1) & (contact.efc_address >= 0))
+        touching = np.flatnonzero(np.isin(contact.geom, self._finger_pads).any(1) & (contact.efc_address >= 0))
         for i in touching.tolist():
             first, second = contact.geom[i]
             address = contact.efc_address[i]
             on_second = contact.frame[i].reshape(3, 3).T @ data.efc_force[address : address + 3]
-            for k, pad in enumerate(self._pads):
+            for k, pad in enumerate(self._finger_pads):
                 force[k] += on_second * (int(second == pad) - int(first == pad))
         return force @ data.site_xmat[self._site].reshape(3, 3)

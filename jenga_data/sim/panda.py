@@ -104,9 +104,7 @@ def add_arm(
 
     Joints and their position actuators are named `joint_1` to `joint_7`, bodies `link_0` to `link_7` and `flange`.
     """
-    foot = spec.worldbody.add_body(
-        name="link_0", pos=base, quat=[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]
-    )
+    foot = spec.worldbody.add_body(name="link_0", pos=base, quat=[np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)])
     foot.add_geom(
         name="link_0", type=mujoco.mjtGeom.mjGEOM_CYLINDER, fromto=[0, 0, 0, 0, 0, 0.14], size=[0.075, 0, 0],
         rgba=_WHITE, **contact,

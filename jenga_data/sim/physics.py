@@ -20,7 +20,7 @@ class PhysicsConfig:
     """MuJoCo integrator: discrete or implicitfast."""
     impratio: float = 5.0
     """Ratio of frictional to normal constraint impedance; higher creeps less."""
-    friction: float = 0.36
+    friction: float = 0.3
     """Sliding friction of wood on wood and on the table; public simulators use 0.3 to 0.5."""
     time_constant: float = 0.004
     """Time constant of a contact [s], MuJoCo's solref[0]."""

@@ -6,10 +6,11 @@ from jaxtyping import Bool, Float
 
 from jenga_data import palette
 from jenga_data.episode import RobotModel, RobotState
+from jenga_data.scenery import TABLE_TOP
 from jenga_data.sim.arm import Arm, add_robot
 from jenga_data.sim.panda import JOINTS, limits
 from jenga_data.sim.physics import ArmConfig, GripperConfig, PhysicsConfig
-from jenga_data.sim.scene import TABLE_TOP, wood_contact
+from jenga_data.sim.scene import wood_contact
 from jenga_data.sim.solids import link_of
 from jenga_data.sim.turntable import Turntable
 from jenga_data.sim.world import World

@@ -6,15 +6,8 @@ from jaxtyping import Float
 
 from jenga_data import palette
 from jenga_data.blocks import Blocks
+from jenga_data.scenery import COLUMN_RADIUS, TABLE_CENTRE, TABLE_SIZE, TABLE_TOP, TURNTABLE_HEIGHT, TURNTABLE_RADIUS
 from jenga_data.sim.physics import PhysicsConfig
-
-TURNTABLE_RADIUS = 0.085
-"""A tower's corners are 0.053 m from the axis; the hand has to get past the disc [m]."""
-TURNTABLE_HEIGHT = 0.01
-COLUMN_RADIUS = 0.03
-TABLE_TOP = -0.08
-"""The tower's bottom stands at z = 0, on a disc that a column holds above the table [m]."""
-TABLE_SIZE = (1.2, 1.4, 0.02)
 
 TOP = "_top"
 """Ends the name of a wedge's upper half."""
@@ -50,7 +43,7 @@ def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
     spec.worldbody.add_light(pos=[-0.5, -0.5, 1.5], dir=[0.3, 0.3, -1.0])
     spec.worldbody.add_geom(
         name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=np.array(TABLE_SIZE) / 2,
-        pos=[0, 0, TABLE_TOP - TABLE_SIZE[2] / 2], rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
+        pos=TABLE_CENTRE, rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
     )  # fmt: skip
     spec.worldbody.add_geom(
         name="column", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[COLUMN_RADIUS, 0, 0],

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.friction import friction_share
+from jenga_data.scenery import TURNTABLE_RADIUS
 from jenga_data.sim.physics import PhysicsConfig
-from jenga_data.sim.scene import TURNTABLE_RADIUS
 from jenga_data.sim.world import World
 from jenga_data.statics import PlanarPose, solve
 from jenga_data.tower import TowerState, turn_poses
@@ -66,7 +66,7 @@ class Turntable:
     @property
     def angle(self) -> float:
         """[rad]"""
-        return float(self._world.data.qpos[self._joint.qposadr[0]])
+        return self._world.table_angle
 
     @property
     def set_point(self) -> float:
