@@ -8,7 +8,7 @@ from jaxtyping import Float
 
 from jenga_data.collect.config import NOBODY, PULL_FRAMES, Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
-from jenga_data.collect.observe import observe
+from jenga_data.collect.observe import let_sleep, observe
 from jenga_data.collect.recording import Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage, set_stage
@@ -182,6 +182,8 @@ class Pull:
                 return "out_of_reach"
             recording.advance(substep, steps)
             recording.action(frame, action, hand.position - before)
+            if recording.clear_frame() >= 0:
+                let_sleep(recording)
         slip = recording.poses[-1][recording.target, :3] - hand.position - held
         if np.linalg.norm(slip) > SLIP:
             return "slipped"

@@ -31,18 +31,18 @@ def run_with_robot(
         skills = Skills(robot, recording, config)
         world.allow_sleep(True)  # nothing touches the tower yet
         try:
-            cause = _rollout(skills, recording, robot, stage, pull, config)
+            _rollout(skills, recording, robot, stage, pull, config)
         except Failure as failure:
-            cause = failure.cause
+            skills.note(failure.cause)
         recording.phase("observe")
         observe(recording, config.physics, skills.watching)
-        return recording.finish(cause)
+        return recording.finish(skills.cause)
 
 
 def _rollout(
     skills: Skills, recording: Recording, robot: Robot, stage: Stage, pull: Pull, config: ExtractionConfig
-) -> str:
-    """Everything up to the last release; returns what went wrong first and did not end the rollout.
+) -> None:
+    """Everything up to the last release.
 
     Raises:
         Failure: what ended it.
@@ -54,17 +54,17 @@ def _rollout(
     recording.phase("take_stick")
     skills.take_stick()
     recording.phase("push")
-    cause = skills.push()
+    skills.push()
     recording.phase("turn_back")
     skills.turn(2 * quarter, skills.way_home_with_stick())
     skills.let_go_of_stick()
     skills.grasp()
     recording.phase("pull")
     went_wrong = pull.run(recording, robot.arm, skills.substep, config.physics.steps_a_frame)
+    skills.note(went_wrong)
     if recording.clear_frame() >= 0 and not went_wrong:
         recording.phase("put_down")
         skills.put_down()
     else:
         recording.phase("release")
         skills.draw_back()
-    return cause or went_wrong

@@ -11,9 +11,10 @@ from jaxtyping import Float
 
 from jenga_data.collect.config import ExtractionConfig
 from jenga_data.collect.extraction import SLIP
+from jenga_data.collect.observe import let_sleep
 from jenga_data.collect.recording import Recording
-from jenga_data.collect.rest import WINDOW, at_rest
 from jenga_data.episode import TABLE
+from jenga_data.geometry import rotation_matrices
 from jenga_data.sim.arm import Path
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, STICK_REACH, STICK_WIDTH, TRAY, Robot
 from jenga_data.sim.set_point import PERIOD
@@ -76,6 +77,14 @@ class Skills:
         self._target, self._size = recording.target, robot.world.blocks.size[recording.target]
         self.may_touch: frozenset[int] = frozenset()
         """Blocks that hand or stick are meant to touch at present."""
+        self.left_alone: int | None = 0
+        """The frame from which on nothing touches the tower, which may sleep then; None while something does."""
+        self.cause = ""
+        """The first of `CAUSES` that was noted."""
+
+    def note(self, cause: str) -> None:
+        """Something went wrong that need not end the rollout; "" is nothing."""
+        self.cause = self.cause or cause
 
     # --- motion ------------------------------------------------------------------------------------------------------
 
@@ -95,7 +104,18 @@ class Skills:
         self._recording.advance(
             lambda i: self.substep(i, (lambda: next(turning)) if turning else None), self._physics.steps_a_frame
         )
+        if self.left_alone is not None:
+            let_sleep(self._recording, self.left_alone)
         self._watch()
+
+    def touch(self, *blocks: int) -> None:
+        """From now on these blocks may be touched, and the tower stays awake."""
+        self.may_touch, self.left_alone = frozenset(blocks), None
+        self._world.allow_sleep(False)
+
+    def leave_alone(self) -> None:
+        """From now on nothing may touch the tower."""
+        self.may_touch, self.left_alone = frozenset(), self._recording.frame
 
     def _watch(self) -> None:
         if self._robot.collides():
@@ -171,8 +191,6 @@ class Skills:
         """Wait until the tower sleeps."""
         world, first = self._world, self._recording.frame
         while not world.asleep:
-            poses = self._recording.poses[max(first - WINDOW, 0) :]
-            world.allow_sleep(at_rest(poses))
             if (self._recording.frame - first) * PERIOD > _REST_SECONDS or self._recording.has_collapsed():
                 raise Failure("unsettled")
             self.hold()
@@ -189,11 +207,10 @@ class Skills:
         if abs(self._robot.stick[2] - before[2] - _STICK_LIFT) > 0.003:
             raise Failure("stick_missed")
 
-    def push(self) -> str:
+    def push(self) -> None:
         """Push the target in +x by the configured distance, as long as it takes no more than the configured force.
 
-        Returns:
-            What went wrong and leaves a target that may stick out all the same: `push_dragged_layer`, `push_stuck`, "".
+        The target may stick out all the same where `push_dragged_layer` or `push_stuck` is noted.
 
         Raises:
             Failure: `push_toppled`, or one of a motion.
@@ -203,19 +220,19 @@ class Skills:
         ready = before[target, :3] - (self._size[0] / 2 + STICK_REACH + _SAFE) * _X
         self.follow(self.straight(ready - _BEHIND * _X, speed=config.speed))
         self.follow(self.straight(ready, speed=config.approach_speed))
-        self._world.allow_sleep(False)
-        self.may_touch = frozenset(range(len(before)))
+        self.touch(*range(len(before)))
         forward = self.straight(ready + (_SAFE + config.push_distance) * _X, speed=config.push_speed)
         self.follow(forward, lambda: self._resistance() > config.push_force or recording.has_collapsed())
-        self.follow(self.straight(ready - _BEHIND * _X, speed=config.approach_speed))
-        self.may_touch = frozenset()
+        self.follow(self.straight(ready, speed=config.approach_speed))
+        self.leave_alone()
+        self.follow(self.straight(ready - _BEHIND * _X, speed=config.speed))
         after = recording.poses[-1]
         if recording.has_collapsed():
             raise Failure("push_toppled")
         if np.delete(np.linalg.norm(after[:, :3] - before[:, :3], axis=1), target).max() > DRAGGED:
-            return "push_dragged_layer"
-        short = after[target, 0] - before[target, 0] < config.push_distance - config.push_tolerance
-        return "push_stuck" if short else ""
+            self.note("push_dragged_layer")
+        if after[target, 0] - before[target, 0] < config.push_distance - config.push_tolerance:
+            self.note("push_stuck")
 
     def way_home_with_stick(self) -> Path:
         """From anywhere to over the stick's holder, and down into it."""
@@ -247,14 +264,14 @@ class Skills:
         half = self._pad[0] / 2
         if out < _LEAST_HOLD + _CLEARANCE:
             raise Failure("push_stuck")
-        end = recording.poses[-1][self._target, :3] - self._size[0] / 2 * _X
-        place = end + min(out / 2, out - _CLEARANCE - half) * _X
+        place = self._near_end() + min(out / 2, out - _CLEARANCE - half) * _X
         recording.phase("approach")
-        self.follow(self.straight(place - _BEHIND * _X, speed=self._config.speed))
+        across = np.array([self._arm.set_point[0], *place[1:]])  # clear of the stick in its holder
+        self.follow(self.straight(across, place - _BEHIND * _X, speed=self._config.speed))
         self.may_touch = frozenset({self._target})
         self.follow(self.straight(place, speed=self._config.approach_speed))
         recording.phase("grasp")
-        self._world.allow_sleep(False)
+        self.touch(self._target)
         self._close()
         if recording.has_collapsed():
             raise Failure("approach_toppled")
@@ -270,6 +287,7 @@ class Skills:
     def put_down(self) -> None:
         """Carry the target away to the tray, put it down and draw back."""
         config, recording = self._config, self._recording
+        self.left_alone = recording.clear_frame()
         held = recording.poses[-1][self._target, :3] - self._arm.set_point
         over = TRAY + (self._size[2] / 2 + _DROP) * _Z - held
         here = self._arm.set_point
@@ -284,9 +302,15 @@ class Skills:
         """Open the fingers and leave."""
         self._open()
         self.follow(self.straight(self._arm.set_point - _BEHIND * _X, speed=self._config.approach_speed))
-        self.may_touch = frozenset()
+        self.leave_alone()
 
     # --- pieces ------------------------------------------------------------------------------------------------------
+
+    def _near_end(self) -> Float[np.ndarray, "3"]:
+        """The middle of the target's end at -x [m]."""
+        pose = self._recording.poses[-1][self._target]
+        along = rotation_matrices(pose[3:])[:, 0]
+        return pose[:3] - np.sign(along[0]) * along * self._size[0] / 2
 
     def _stick_grip(self) -> Float[np.ndarray, "3"]:
         """Where the fingers hold the stick in its holder."""
