@@ -16,8 +16,9 @@ from jaxtyping import Float
 from rerun.experimental import Timeline, ViewerClient
 
 from jenga_data import palette
-from jenga_data.episode import Episode, Prediction
+from jenga_data.episode import Episode, Link, Prediction, RobotModel, RobotTrack
 from jenga_data.errors import JengaError
+from jenga_data.geometry import rotation_matrices
 from jenga_data.replay import hand
 from jenga_data.replay.contact_points import contact_points, graph_nodes
 from jenga_data.replay.measures import (
@@ -31,10 +32,18 @@ from jenga_data.replay.measures import (
     position_error,
     seconds,
 )
-from jenga_data.replay.paint import TABLE_DEPTH, TURNTABLE_RADIUS
 from jenga_data.replay.series import Series, episode_series, model_path
 from jenga_data.replay.summary import outcome_words, summary
 from jenga_data.replay.viewer import headless_viewer
+from jenga_data.scenery import (
+    COLUMN_HEIGHT,
+    COLUMN_RADIUS,
+    TABLE_CENTRE,
+    TABLE_SIZE,
+    TABLE_TOP,
+    TURNTABLE_HEIGHT,
+    TURNTABLE_RADIUS,
+)
 
 TIME, FRAME = "time", "frame"
 """The two timelines: seconds since the first frame, and the frame's number."""
@@ -46,6 +55,8 @@ _FAINTEST = 0.02
 """Contacts weaker than this are not drawn [N]."""
 _GHOST_MARGIN = 3e-4
 """Ghosts are larger than their blocks by so much [m], so that they do not flicker where they agree with the truth."""
+_TABLE = (0.20, 0.21, 0.22)
+"""Darker than the turntable: on a black ground a pale table would be the brightest thing of all."""
 _NODE = (70.0, -40.0)
 """A step to the right and a level up in the contact graph."""
 _SOLID, _WIRES = rr.components.FillMode.Solid, rr.components.FillMode.MajorWireframe
@@ -156,10 +167,7 @@ def _log(to: _Recorder, predictions: Sequence[Prediction]) -> None:
 def _log_scene(to: _Recorder) -> None:
     episode, header = to.episode, to.episode.header
     to.static("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    centre, grey = (0.0, 0.0, -TABLE_DEPTH / 2), [palette.rgba8(palette.TABLE)]
-    disc = rr.Cylinders3D(lengths=[TABLE_DEPTH], radii=[TURNTABLE_RADIUS], centers=[centre], colors=grey)
-    to.static("/world/turntable", disc)
-    to.static("/world/turntable", rr.Cylinders3D.from_fields(fill_mode=_SOLID))
+    _log_stand(to)
     colours = palette.rgba8(palette.block_colours(header.layout.level, header.target))
     edges = rr.Boxes3D(sizes=header.blocks.size, colors=[palette.rgba8(palette.INK)], radii=rr.Radius.ui_points(0.6))
     to.static("/world/edges", edges)
@@ -169,7 +177,9 @@ def _log_scene(to: _Recorder) -> None:
     to.static("/world/tower", tower)
     to.boxes("/world/tower", episode.time_ns, episode.pose)
     track = episode.gripper
-    if len(track.time_ns):
+    if header.robot is not None and episode.robot is not None:
+        _log_robot(to, header.robot, episode.robot)
+    elif len(track.time_ns):
         to.static("/world/gripper", rr.Boxes3D(sizes=hand.SIZE, colors=palette.rgba8(hand.COLOUR), fill_mode=_SOLID))
         to.boxes("/world/gripper", track.time_ns, hand.hand_poses(track.pose, track.width))
     if episode.phases:
@@ -178,6 +188,57 @@ def _log_scene(to: _Recorder) -> None:
         to.static("/phase", rr.StateConfiguration(values=names, colors=colours))
         starts = np.array([phase.time_ns for phase in episode.phases])
         to.columns("/phase", starts, rr.StateChange.columns(state=[phase.name for phase in episode.phases]))
+
+
+def _log_stand(to: _Recorder) -> None:
+    """Turntable, column and table."""
+    stand = rr.Cylinders3D(
+        lengths=[TURNTABLE_HEIGHT, COLUMN_HEIGHT],
+        radii=[TURNTABLE_RADIUS, COLUMN_RADIUS],
+        centers=[(0.0, 0.0, -TURNTABLE_HEIGHT / 2), (0.0, 0.0, TABLE_TOP + COLUMN_HEIGHT / 2)],
+        colors=palette.rgba8(np.array([palette.TABLE, palette.STEEL])),
+        fill_mode=_SOLID,
+    )
+    to.static("/world/turntable", stand)
+    colour = [palette.rgba8(_TABLE)]
+    to.static("/world/table", rr.Boxes3D(sizes=[TABLE_SIZE], centers=[TABLE_CENTRE], colors=colour, fill_mode=_SOLID))
+
+
+def _log_robot(to: _Recorder, model: RobotModel, track: RobotTrack) -> None:
+    """A transform a link over time, and below it what the link is made of: an entity a kind of solid."""
+    for number, link in enumerate(model.links):
+        path = "/world/robot/" + rr.escape_entity_path_part(link.name)
+        pose = track.link_pose[:, number].astype(np.float32)
+        moves = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
+        to.columns(path, to.episode.time_ns, moves)
+        for shape in dict.fromkeys(solid.shape for solid in link.solids):
+            to.static(f"{path}/{shape}", _solids(link, shape))
+
+
+def _solids(link: Link, shape: str) -> rr.AsComponents:
+    """All of a link's solids of one shape."""
+    solids = [solid for solid in link.solids if solid.shape == shape]
+    size, pose = np.array([solid.size for solid in solids]), np.array([solid.pose for solid in solids])
+    colour = np.round(255 * np.array([solid.color for solid in solids])).astype(np.uint8)
+    centre, turn = pose[:, :3], pose[:, [4, 5, 6, 3]]
+    radii, lengths = size[:, 0], size[:, 1]
+    match shape:
+        case "box":
+            return rr.Boxes3D(sizes=size, centers=centre, quaternions=turn, colors=colour, fill_mode=_SOLID)
+        case "sphere":
+            return rr.Ellipsoids3D(radii=radii, centers=centre, colors=colour, fill_mode=_SOLID)
+        case "cylinder":
+            return rr.Cylinders3D(
+                radii=radii, lengths=lengths, centers=centre, quaternions=turn, colors=colour, fill_mode=_SOLID
+            )
+        case "capsule":
+            # Here a capsule's origin is the middle of its lower cap, not its own middle.
+            low = centre - rotation_matrices(pose[:, 3:])[..., 2] * lengths[:, None] / 2
+            return rr.Capsules3D(
+                radii=radii, lengths=lengths, translations=low, quaternions=turn, colors=colour, fill_mode=_SOLID
+            )
+        case other:
+            raise ValueError(f"no solid has the shape {other!r}")
 
 
 def _log_contacts(to: _Recorder) -> None:
@@ -232,7 +293,9 @@ def _log_model(to: _Recorder, number: int, label: str, prediction: Prediction) -
 
 def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Blueprint:
     """The layout: towers, graph and text above; phases and curves over one time axis below. No panel is empty."""
-    base, tower, contacts = ["/world/turntable", "/world/edges"], ["/world/tower", "/world/gripper"], "/world/contacts"
+    stand, contacts = ["/world/turntable", "/world/table"], "/world/contacts"
+    base, hand = [*stand, "/world/edges"], ["/world/gripper", "/world/robot/**"]
+    tower = ["/world/tower", *hand]
     ghosts: list[str] = []
     coloured: list[rrb.Spatial3DView] = []
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
@@ -246,7 +309,8 @@ def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Bluep
     if coloured:
         above.append(rrb.Tabs(contents=coloured))
     if any(len(touching.first) for touching in episode.contacts):
-        above.append(_spatial("contact forces", ["/world/turntable", *tower, contacts], as_wires=tower))
+        boxes = ["/world/tower", "/world/gripper"]
+        above.append(_spatial("contact forces", [*stand, *boxes, contacts], as_wires=boxes))
         highest = len(episode.header.layout.grid) - 0.3
         x, y = (-2.5 * _NODE[0], 2.5 * _NODE[0]), (highest * _NODE[1], -1.9 * _NODE[1])
         bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
@@ -255,13 +319,10 @@ def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Bluep
     words = rrb.TextDocumentView(origin="/episode", name="episode")
     start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, float(seconds(episode)[-1])))
     whole = rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
-    plots: dict[str, list[Series]] = {}
-    for series in episode_series(episode, predictions):
-        plots.setdefault(series.plot, []).append(series)
     rows: list[rrb.Container | rrb.View] = [rrb.Horizontal(*above, words, column_shares=[*shares, 1.9])]
     if episode.phases:
         rows.append(rrb.StateTimelineView(origin="/phase", name="phases", time_view=whole))
-    rows.append(rrb.Horizontal(*(_curves(name, lines, whole) for name, lines in plots.items())))
+    rows.append(rrb.Horizontal(*_plots(episode_series(episode, predictions), whole)))
     return rrb.Blueprint(
         rrb.Vertical(*rows, row_shares=[5.4, *([0.85] if episode.phases else []), 3.6]),
         rrb.TimePanel(timeline=TIME, state="collapsed"),
@@ -283,6 +344,22 @@ def _spatial(name: str, contents: list[str], as_wires: Sequence[str] = ()) -> rr
         line_grid=False,
         overrides=dict.fromkeys(as_wires, wires),
     )
+
+
+def _plots(found: Sequence[Series], whole: rrb.TimeAxis) -> list[rrb.Container | rrb.View]:
+    """A view a plot, side by side; those of one tab behind each other, last."""
+    plots: dict[tuple[str, str], list[Series]] = {}
+    for series in found:
+        plots.setdefault((series.tab, series.plot), []).append(series)
+    views: list[rrb.Container | rrb.View] = []
+    tabs: dict[str, list[rrb.View]] = {}
+    for (tab, name), lines in plots.items():
+        view = _curves(name, lines, whole)
+        if tab:
+            tabs.setdefault(tab, []).append(view)
+        else:
+            views.append(view)
+    return views + [rrb.Tabs(contents=contents, name=tab) for tab, contents in tabs.items()]
 
 
 def _curves(name: str, lines: list[Series], whole: rrb.TimeAxis) -> rrb.TimeSeriesView:

@@ -13,8 +13,8 @@ from jenga_data.blocks import sample_blocks
 from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
 from jenga_data.replay.curves import episode_curves
-from jenga_data.replay.paint import Boxes
 from jenga_data.replay.picture import gripper_boxes, render_tower, tower_camera
+from jenga_data.replay.solids import Boxes
 from jenga_data.tower import Layout
 
 
