@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter, map_coordinates
 
 from jenga_data.palette import PAPER, TABLE
 from jenga_data.replay.raster import NOTHING, Camera, rasterise
-from jenga_data.replay.solids import Boxes, Faces
+from jenga_data.replay.solids import Boxes, Faces, solid_quads
 from jenga_data.scenery import COLUMN_RADIUS, TABLE_TOP, TURNTABLE_HEIGHT, TURNTABLE_RADIUS
 
 SAMPLES = 2
@@ -34,6 +34,8 @@ _REACH = 1.0
 """What is farther from the turntable casts no shadow [m]: where physics broke, a block may be a kilometre away."""
 _EDGE = 0.50
 """Brightness of a drawn edge against its face."""
+_SHADE = 0.75
+"""Brightness of the column, which stands in the turntable's shade."""
 _GHOST_ALPHA = 0.50
 _GHOST_TIE = 0.0004
 """A ghost's faces win against the truth only if nearer by more [m]: where the two agree, the truth shows."""
@@ -78,11 +80,12 @@ def paint(
     face, nearness = rasterise(faces.corner, camera, fine_width, fine_height)
     hit = face != NOTHING
     image = np.empty((fine_height, fine_width, 3))
-    image[~hit] = _ground(sun, camera, u[~hit], v[~hit], stand)
+    column = _column(camera, fine_width, fine_height, stand)
+    image[~hit] = _ground(sun, camera, u[~hit], v[~hit], stand, column[~hit])
     normals = faces.normals()
     points = camera.unproject(np.stack([u[hit], v[hit], nearness[hit]], axis=-1))
     shadow = sun.on_faces(points + _LIFT * normals[face[hit]])
-    light = (_AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0))[face[hit]] * (1.0 - _SHADOW_ON_BLOCKS * shadow)
+    light = _brightness(normals)[face[hit]] * (1.0 - _SHADOW_ON_BLOCKS * shadow)
     image[hit] = np.clip(faces.colour[face[hit]] * light[:, None], 0.0, 1.0)
     image[_edges(_patches(faces, face)) & hit] *= _EDGE
     for ghost in ghosts:
@@ -96,7 +99,12 @@ def _patches(faces: Faces, face: Int[np.ndarray, "h w"]) -> Int[np.ndarray, "h w
 
 
 def _ground(
-    sun: "_Sun", camera: Camera, u: Float[np.ndarray, " pixel"], v: Float[np.ndarray, " pixel"], stand: Stand
+    sun: "_Sun",
+    camera: Camera,
+    u: Float[np.ndarray, " pixel"],
+    v: Float[np.ndarray, " pixel"],
+    stand: Stand,
+    column: Float[np.ndarray, "pixel 3"],
 ) -> Float[np.ndarray, "pixel 3"]:
     """Paper, the disc with its rim on its column, and the shadows on them; paper alone where it is seen from below."""
     image = np.tile(np.array(PAPER), (len(u), 1))
@@ -106,23 +114,28 @@ def _ground(
     fade = np.clip(_to_border(camera, u) / _FADE, 0.0, 1.0)
     shadow = np.maximum(sun.on_table(floor), _disc_shadow(floor, stand))
     image *= 1.0 - _SHADOW_ON_TABLE * (fade * shadow)[:, None]
-    if stand.has_column:
-        image[_column(camera, u, v, stand.floor)] = np.array(TABLE) * 0.55
+    image = np.where(np.isnan(column), image, column)
     rim, disc = (np.hypot(p[:, 0], p[:, 1]) < stand.radius for p in (under, top))
     image[rim] = np.array(TABLE) * 0.7
     image[disc] = np.array(TABLE) * (1.0 - _SHADOW_ON_TABLE * sun.on_table(top[disc]))[:, None]
     return image
 
 
-def _column(
-    camera: Camera, u: Float[np.ndarray, " pixel"], v: Float[np.ndarray, " pixel"], floor: float
-) -> Bool[np.ndarray, " pixel"]:
-    """Where the column is seen: the shadows of its slices, which lie closer together than they are wide."""
-    seen = np.zeros(len(u), bool)
-    for z in np.linspace(floor, -TURNTABLE_HEIGHT, 16):
-        point = _on_plane(camera, u, v, float(z))
-        seen |= np.hypot(point[:, 0], point[:, 1]) < COLUMN_RADIUS
-    return seen
+def _column(camera: Camera, width: int, height: int, stand: Stand) -> Float[np.ndarray, "h w 3"]:
+    """The column in the disc's shade where it would be seen without the disc, NaN elsewhere."""
+    image = np.full((height, width, 3), np.nan)
+    if stand.has_column:
+        corner, patch = solid_quads("cylinder", (COLUMN_RADIUS, -TURNTABLE_HEIGHT - stand.floor, 0.0))
+        middle = np.array([0.0, 0.0, (stand.floor - TURNTABLE_HEIGHT) / 2])
+        faces = Faces(corner + middle, np.tile(np.array(TABLE) * _SHADE, (len(patch), 1)), patch)
+        face, _ = rasterise(faces.corner, camera, width, height)
+        image[face != NOTHING] = (faces.colour * _brightness(faces.normals())[:, None])[face[face != NOTHING]]
+    return image
+
+
+def _brightness(normals: Float[np.ndarray, "face 3"]) -> Float[np.ndarray, " face"]:
+    """Of each face in full light."""
+    return _AMBIENT + _DIFFUSE * np.maximum(normals @ _LIGHT, 0.0)
 
 
 def _disc_shadow(points: Float[np.ndarray, "point 3"], stand: Stand) -> Float[np.ndarray, " point"]:

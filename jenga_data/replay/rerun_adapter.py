@@ -8,6 +8,7 @@ call an entity, because a call a block or a frame takes a hundred times as long.
 import time as clock
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -55,6 +56,8 @@ _FAINTEST = 0.02
 """Contacts weaker than this are not drawn [N]."""
 _GHOST_MARGIN = 3e-4
 """Ghosts are larger than their blocks by so much [m], so that they do not flicker where they agree with the truth."""
+_STEP_BACK = 1.25
+"""From how far a view looks at a robot and its tower, in diagonals of the box around them."""
 _TABLE = (0.20, 0.21, 0.22)
 """Darker than the turntable: on a black ground a pale table would be the brightest thing of all."""
 _NODE = (70.0, -40.0)
@@ -207,12 +210,21 @@ def _log_stand(to: _Recorder) -> None:
 def _log_robot(to: _Recorder, model: RobotModel, track: RobotTrack) -> None:
     """A transform a link over time, and below it what the link is made of: an entity a kind of solid."""
     for number, link in enumerate(model.links):
-        path = "/world/robot/" + rr.escape_entity_path_part(link.name)
+        path = _link_path(link)
         pose = track.link_pose[:, number].astype(np.float32)
         moves = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
         to.columns(path, to.episode.time_ns, moves)
-        for shape in dict.fromkeys(solid.shape for solid in link.solids):
+        for shape in _shapes(link):
             to.static(f"{path}/{shape}", _solids(link, shape))
+
+
+def _link_path(link: Link) -> str:
+    return "/world/robot/" + rr.escape_entity_path_part(link.name)
+
+
+def _shapes(link: Link) -> list[str]:
+    """Every shape of its solids once."""
+    return list(dict.fromkeys(solid.shape for solid in link.solids))
 
 
 def _solids(link: Link, shape: str) -> rr.AsComponents:
@@ -294,23 +306,23 @@ def _log_model(to: _Recorder, number: int, label: str, prediction: Prediction) -
 def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Blueprint:
     """The layout: towers, graph and text above; phases and curves over one time axis below. No panel is empty."""
     stand, contacts = ["/world/turntable", "/world/table"], "/world/contacts"
-    base, hand = [*stand, "/world/edges"], ["/world/gripper", "/world/robot/**"]
-    tower = ["/world/tower", *hand]
+    base = [*stand, "/world/edges"]
+    tower = ["/world/tower", "/world/gripper", "/world/robot/**"]
+    eye = _eye(episode)
     ghosts: list[str] = []
     coloured: list[rrb.Spatial3DView] = []
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
         if len(prediction.frame):
             ghosts.append(f"{model_path(label)}/ghost/**")
-            coloured.append(_spatial(f"error, {label}", [*base, f"{model_path(label)}/error"]))
+            coloured.append(_spatial(f"error, {label}", [*base, f"{model_path(label)}/error"], eye))
         if has_chances(prediction):
-            coloured.append(_spatial(f"chance to fail, {prediction.name}", [*base, f"{model_path(label)}/chance"]))
+            coloured.append(_spatial(f"chance to fail, {prediction.name}", [*base, f"{model_path(label)}/chance"], eye))
     title = "tower, with ghosts of the models" if ghosts else "tower"
-    above: list[rrb.Container | rrb.View] = [_spatial(title, [*base, *tower, *ghosts])]
+    above: list[rrb.Container | rrb.View] = [_spatial(title, [*base, *tower, *ghosts], eye)]
     if coloured:
         above.append(rrb.Tabs(contents=coloured))
     if any(len(touching.first) for touching in episode.contacts):
-        boxes = ["/world/tower", "/world/gripper"]
-        above.append(_spatial("contact forces", [*stand, *boxes, contacts], as_wires=boxes))
+        above.append(_spatial("contact forces", [*stand, *tower, contacts], eye, _wires(episode)))
         highest = len(episode.header.layout.grid) - 0.3
         x, y = (-2.5 * _NODE[0], 2.5 * _NODE[0]), (highest * _NODE[1], -1.9 * _NODE[1])
         bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
@@ -331,18 +343,43 @@ def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Bluep
     )
 
 
-def _spatial(name: str, contents: list[str], as_wires: Sequence[str] = ()) -> rrb.Spatial3DView:
-    eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital, position=(-0.43, -0.33, 0.26), look_target=(-0.06, 0.0, 0.125), eye_up=(0, 0, 1)
-    )
-    wires = rr.Boxes3D.from_fields(fill_mode=_WIRES, colors=[palette.rgba8(palette.OUTLINE)])
+def _spatial(
+    name: str, contents: list[str], eye: rrb.EyeControls3D, overrides: dict[Any, Any] | None = None
+) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
-        origin="/",
-        contents=contents,
-        name=name,
-        eye_controls=eye,
-        line_grid=False,
-        overrides=dict.fromkeys(as_wires, wires),
+        origin="/", contents=contents, name=name, eye_controls=eye, line_grid=False, overrides=overrides or {}
+    )
+
+
+def _wires(episode: Episode) -> dict[Any, Any]:
+    """What draws tower and robot by their edges only, so that arrows show."""
+    kinds = {"box": rr.Boxes3D, "sphere": rr.Ellipsoids3D, "cylinder": rr.Cylinders3D, "capsule": rr.Capsules3D}
+    colors = [palette.rgba8(palette.OUTLINE)]
+    wires: dict[Any, Any] = {
+        path: rr.Boxes3D.from_fields(fill_mode=_WIRES, colors=colors) for path in ("/world/tower", "/world/gripper")
+    }
+    for link in episode.header.robot.links if episode.header.robot else ():
+        for shape in _shapes(link):
+            wires[f"{_link_path(link)}/{shape}"] = kinds[shape].from_fields(fill_mode=_WIRES, colors=colors)
+    return wires
+
+
+def _eye(episode: Episode) -> rrb.EyeControls3D:
+    """From where a view looks at first: at the tower from the side it is pulled to, at a robot and its tower from
+    across, so that neither hides the other."""
+    at, position = np.array([-0.06, 0.0, 0.125]), np.array([-0.43, -0.33, 0.26])
+    if episode.robot is not None and episode.robot.link_pose.size:
+        links = episode.robot.link_pose[0, :, :3]
+        both = np.concatenate([links, episode.pose[0, :, :3]])
+        low, high = both.min(axis=0), both.max(axis=0)
+        way = episode.pose[0, :, :2].mean(axis=0) - links[:, :2].mean(axis=0)
+        across = np.array([way[1], -way[0]]) / max(float(np.hypot(*way)), 1e-6)
+        across *= -1.0 if across @ position[:2] < 0 else 1.0
+        distance = _STEP_BACK * float(np.linalg.norm(high - low))
+        at = (low + high) / 2
+        position = at + distance * np.array([*across, 0.4])
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=tuple(position), look_target=tuple(at), eye_up=(0, 0, 1)
     )
 
 

@@ -75,11 +75,7 @@ def joint_curves(episode: Episode) -> list[tuple[str, Float[np.ndarray, "frame j
     track = episode.robot
     if track is None or not track.position.shape[1]:
         return []
-    return [
-        ("joint position [rad]", track.position),
-        ("joint velocity [rad/s]", track.velocity),
-        ("joint torque [N m]", track.torque),
-    ]
+    return [("joints [rad]", track.position), ("speed [rad/s]", track.velocity), ("torque [N m]", track.torque)]
 
 
 def has_turned(episode: Episode) -> bool:
@@ -92,7 +88,7 @@ def _machine_series(episode: Episode) -> list[Series]:
     names = episode.header.robot.joints if episode.header.robot else ()
     colours = tuple(joint_colour(number) for number in range(len(names)))
     found = [
-        Series(f"/curve/robot/{title.split()[1]}", title, episode.time_ns, value, names, colours, tab=_MACHINE)
+        Series(f"/curve/robot/{title.split()[0]}", title, episode.time_ns, value, names, colours, tab=_MACHINE)
         for title, value in joint_curves(episode)
     ]
     if has_turned(episode):

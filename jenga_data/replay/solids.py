@@ -99,7 +99,7 @@ def solid_quads(
     """
     radius, length, _ = size
     if shape == "box":
-        return box_faces(np.eye(7)[3:4], np.array([size])), np.arange(6)
+        return box_faces(np.eye(7)[3:4], np.array([size], np.float64)), np.arange(6)
     if shape == "cylinder":
         ends = np.array([[radius, -length / 2], [radius, length / 2]])
         side, top = _turned(ends), _disc(radius, length / 2)
