@@ -42,6 +42,9 @@ OUTLINE = (0.31, 0.33, 0.35)
 PHASES = (SKY_BLUE, ORANGE, GREEN, PURPLE, YELLOW, VERMILLION)
 """Lanes of phases, in the order in which they first come."""
 
+JOINTS = (SKY_BLUE, ORANGE, GREEN, PURPLE, VERMILLION, YELLOW, (0.62, 0.64, 0.67))
+"""Curves of a robot's joints, from the base on: they stand on black and on white, where the darkest blue is lost."""
+
 _MODELS = (PURPLE, GREEN, SKY_BLUE, ORANGE, YELLOW)
 _WOOD = np.array([(0.925, 0.795, 0.610), (0.855, 0.695, 0.490)])
 _GRAIN = 0.024
@@ -66,6 +69,11 @@ def block_colours(level: Int[np.ndarray, " block"], target: int | None = None) -
 def model_colour(index: int) -> tuple[float, float, float]:
     """Colour of the ghosts and curves of the n-th model; the sixth model repeats the first."""
     return _MODELS[index % len(_MODELS)]
+
+
+def joint_colour(index: int) -> tuple[float, float, float]:
+    """Colour of a robot's n-th joint's curves; the eighth joint repeats the first."""
+    return JOINTS[index % len(JOINTS)]
 
 
 def probability_colours(probability: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch 3"]:

@@ -6,7 +6,7 @@ from typing import TypeVar
 import numpy as np
 from jaxtyping import Float
 
-from jenga_data.episode import ROBOT, Contacts
+from jenga_data.episode import ROBOT, Contacts, RobotModel, RobotState
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw
 from jenga_data.log.header import read_header_of
@@ -14,9 +14,6 @@ from jenga_data.log.reader import result_of
 from jenga_data.outcome import Outcome
 
 T = TypeVar("T")
-
-UNIT_TOLERANCE = 1e-6
-"""How far a quaternion's length may be from 1; simulators keep it within 1e-12."""
 
 
 def content_problems(raw: Raw) -> list[str]:
@@ -37,19 +34,23 @@ def content_problems(raw: Raw) -> list[str]:
     states = _decode(raw, profile.STATE, lambda data: codec.read_state(data, count), problems)
     contacts = _decode(raw, profile.CONTACTS, codec.read_contacts, problems)
     sim_states = _decode(raw, profile.SIM, codec.read_sim_state, problems)
+    robot_states = _robot_states(raw, header.robot, problems)
     if not states:
         problems.append(f"no messages on {profile.STATE}")
 
     problems += _time_problems(raw, profile.STATE)
     problems += _gaps(profile.STATE, states, max(states, default=-1) + 1)
-    for topic, found in ((profile.CONTACTS, contacts), (profile.SIM, sim_states)):
+    per_frame = ((profile.CONTACTS, contacts), (profile.SIM, sim_states), (profile.ROBOT_STATE, robot_states))
+    for topic, found in per_frame:
         if found:
             problems += _gaps(topic, found, max(states, default=-1) + 1)
     # Where the physics broke, numbers that are none are what the log should show.
     if result is None or result.verdict.outcome is not Outcome.INVALID:
-        problems += _pose_problems({frame: pose for frame, (pose, _) in states.items()})
-        problems += _finite(f"{profile.STATE} twist", {frame: twist for frame, (_, twist) in states.items()})
+        problems += _pose_problems({frame: pose for frame, (pose, _, _) in states.items()})
+        problems += _finite(f"{profile.STATE} twist", {frame: twist for frame, (_, twist, _) in states.items()})
         problems += _finite(profile.SIM, sim_states)
+        problems += _robot_problems(robot_states)
+        problems += _turntable_problems({frame: angle for frame, (_, _, angle) in states.items()})
     problems += _contact_problems(contacts, count)
     if len(lengths := {len(state) for state in sim_states.values()}) > 1:
         problems.append(f"{profile.SIM}: states of {len(lengths)} different lengths")
@@ -127,8 +128,34 @@ def _finite(what: str, values: dict[int, np.ndarray]) -> list[str]:
 def _pose_problems(poses: dict[int, Float[np.ndarray, "body 7"]], what: str = f"{profile.STATE} pose") -> list[str]:
     problems = _finite(what, poses)
     off = {frame: np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1) for frame, pose in poses.items()}
-    if bad := [frame for frame, error in off.items() if (error > UNIT_TOLERANCE).any()]:
+    if bad := [frame for frame, error in off.items() if (error > codec.UNIT_TOLERANCE).any()]:
         problems.append(f"{what}: quaternions of a length other than 1 in frames {spans(bad)}")
+    return problems
+
+
+def _robot_states(raw: Raw, robot: RobotModel | None, problems: list[str]) -> dict[int, RobotState]:
+    there, states = robot is not None, bool(_messages(raw, profile.ROBOT_STATE))
+    if there != states:
+        problems.append(
+            f"{profile.ROBOT if there else profile.ROBOT_STATE} without "
+            f"{profile.ROBOT_STATE if there else profile.ROBOT}"
+        )
+    if robot is None:
+        return {}
+    return _decode(raw, profile.ROBOT_STATE, lambda data: codec.read_robot_state(data, robot), problems)
+
+
+def _robot_problems(states: dict[int, RobotState]) -> list[str]:
+    problems = []
+    for name in ("position", "velocity", "torque"):
+        problems += _finite(f"{profile.ROBOT_STATE} {name}", {frame: getattr(s, name) for frame, s in states.items()})
+    return problems + _pose_problems({frame: s.link_pose for frame, s in states.items()}, f"{profile.ROBOT_STATE} link")
+
+
+def _turntable_problems(angle: dict[int, float]) -> list[str]:
+    problems = _finite(f"{profile.STATE} turntable", {frame: np.array(value) for frame, value in angle.items()})
+    if angle.get(0, 0.0):
+        problems.append(f"{profile.STATE} turntable: {angle[0]} rad in frame 0, from which it counts; needed: 0")
     return problems
 
 

@@ -14,13 +14,30 @@ from google.protobuf.message import DecodeError, Message
 from jaxtyping import Float
 
 from jenga_data.blocks import Blocks
-from jenga_data.episode import Action, Contacts, EpisodeHeader, Frame, GripperSample, Phase, Result
-from jenga_data.log.profile import MAX_BLOCKS
+from jenga_data.episode import (
+    Action,
+    Contacts,
+    EpisodeHeader,
+    Frame,
+    GripperSample,
+    Link,
+    Phase,
+    Result,
+    RobotModel,
+    RobotState,
+    Solid,
+)
+from jenga_data.log.profile import MAX_BLOCKS, MAX_PARTS
 from jenga_data.log.proto import jenga_pb2 as pb
 from jenga_data.outcome import Outcome, Verdict
 from jenga_data.tower import SLOTS, Layout
 
 M = TypeVar("M", bound=Message)
+
+_DIMENSIONS = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2}
+"""How many of a solid's three sizes mean something; the others are 0."""
+UNIT_TOLERANCE = 1e-6
+"""How far a quaternion's length may be from 1; simulators keep it within 1e-12."""
 
 
 def packed(field: int, values: Float[np.ndarray, "..."]) -> bytes:
@@ -95,19 +112,94 @@ def read_tower(data: bytes) -> tuple[Blocks, Layout, pb.Tower]:
     return Blocks(size, mass, wedge), Layout.from_places(level, slot, tower.moves), tower
 
 
+# --- the robot -----------------------------------------------------------------------------------------------------
+
+
+def write_robot(robot: RobotModel) -> pb.Robot:
+    return pb.Robot(
+        joint=robot.joints,
+        link=[
+            pb.Link(
+                name=link.name,
+                solid=[pb.Solid(shape=s.shape, size=s.size, pose=s.pose, color=s.color) for s in link.solids],
+            )
+            for link in robot.links
+        ],
+    )
+
+
+def read_robot(data: bytes) -> RobotModel:
+    robot = parse(pb.Robot, data)
+    joints, links = tuple(robot.joint), tuple(link.name for link in robot.link)
+    for what, names in (("joints", joints), ("links", links)):
+        if len(names) > MAX_PARTS:
+            raise ValueError(f"a robot of {len(names)} {what}; allowed: up to {MAX_PARTS}")
+        for name in names:
+            if not name or not name.isprintable():
+                raise ValueError(f"{what} named {name[:40]!r}; allowed: one printable character or more")
+        if len(set(names)) < len(names):
+            raise ValueError(f"two {what} named {next(n for n in names if names.count(n) > 1)[:40]!r}; allowed: one")
+    return RobotModel(joints, tuple(_read_link(link) for link in robot.link))
+
+
+def _read_link(link: pb.Link) -> Link:
+    if len(link.solid) > MAX_PARTS:
+        raise ValueError(f"link {link.name[:40]!r} of {len(link.solid)} solids; allowed: up to {MAX_PARTS}")
+    try:
+        return Link(link.name, tuple(_read_solid(solid) for solid in link.solid))
+    except ValueError as error:
+        raise ValueError(f"link {link.name[:40]!r}: {error}") from None
+
+
+def _read_solid(solid: pb.Solid) -> Solid:
+    if solid.shape not in _DIMENSIONS:
+        raise ValueError(f"shape {solid.shape[:40]!r}; allowed: {', '.join(_DIMENSIONS)}")
+    size, pose, color = doubles(solid.size, 3), doubles(solid.pose, 7), doubles(solid.color, 4)
+    needed = _DIMENSIONS[solid.shape]
+    if not ((size[:needed] > 0) & (size[:needed] < np.inf)).all() or size[needed:].any():
+        raise ValueError(f"{solid.shape} of size {solid.size}; allowed: {needed} positive numbers, then zeros")
+    if not np.isfinite(pose).all() or abs(np.linalg.norm(pose[3:]) - 1) > UNIT_TOLERANCE:
+        raise ValueError(f"{solid.shape} at {solid.pose}; allowed: finite numbers and a quaternion of length 1")
+    if not ((color >= 0) & (color <= 1)).all():
+        raise ValueError(f"{solid.shape} of color {solid.color}; allowed: 0 to 1")
+    (sx, sy, sz), (x, y, z, qw, qx, qy, qz), (red, green, blue, alpha) = solid.size, solid.pose, solid.color
+    return Solid(solid.shape, (sx, sy, sz), (x, y, z, qw, qx, qy, qz), (red, green, blue, alpha))
+
+
 # --- one control step ----------------------------------------------------------------------------------------------
 
 
 def write_state(frame: Frame) -> bytes:
     head = pb.TowerState(frame=frame.index).SerializeToString()
     pose = packed(pb.TowerState.POSE_FIELD_NUMBER, frame.pose)
-    return head + pose + packed(pb.TowerState.TWIST_FIELD_NUMBER, frame.twist)
+    twist = packed(pb.TowerState.TWIST_FIELD_NUMBER, frame.twist)
+    return head + pose + twist + pb.TowerState(turntable=frame.turntable).SerializeToString()
 
 
-def read_state(data: bytes, blocks: int) -> tuple[int, tuple[np.ndarray, np.ndarray]]:
-    """Frame number, pose (block, 7) and twist (block, 6)."""
+def read_state(data: bytes, blocks: int) -> tuple[int, tuple[np.ndarray, np.ndarray, float]]:
+    """Frame number, pose (block, 7), twist (block, 6) and the turntable's angle [rad]."""
     state = parse(pb.TowerState, data)
-    return state.frame, (doubles(state.pose, blocks, 7), doubles(state.twist, blocks, 6))
+    return state.frame, (doubles(state.pose, blocks, 7), doubles(state.twist, blocks, 6), state.turntable)
+
+
+def write_robot_state(index: int, state: RobotState) -> bytes:
+    kind = pb.RobotState
+    return kind(frame=index).SerializeToString() + b"".join(
+        packed(field, values)
+        for field, values in (
+            (kind.POSITION_FIELD_NUMBER, state.position),
+            (kind.VELOCITY_FIELD_NUMBER, state.velocity),
+            (kind.TORQUE_FIELD_NUMBER, state.torque),
+            (kind.LINK_POSE_FIELD_NUMBER, state.link_pose),
+        )
+    )
+
+
+def read_robot_state(data: bytes, robot: RobotModel) -> tuple[int, RobotState]:
+    """Frame number and the state of `robot`."""
+    state, joints = parse(pb.RobotState, data), len(robot.joints)
+    position, velocity, torque = (doubles(v, joints) for v in (state.position, state.velocity, state.torque))
+    return state.frame, RobotState(position, velocity, torque, doubles(state.link_pose, len(robot.links), 7))
 
 
 def write_contacts(frame: Frame) -> bytes:

@@ -19,6 +19,8 @@ MESSAGES: dict[str, type[ProtobufMessage]] = {
     profile.STATE: pb.TowerState,
     profile.CONTACTS: pb.Contacts,
     profile.SIM: pb.SimState,
+    profile.ROBOT: pb.Robot,
+    profile.ROBOT_STATE: pb.RobotState,
     profile.ACTION: pb.Action,
     profile.GRIPPER: pb.Gripper,
     profile.PHASE: pb.Phase,

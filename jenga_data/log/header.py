@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from jenga_data.episode import EpisodeHeader
+from jenga_data.episode import EpisodeHeader, RobotModel
 from jenga_data.errors import JengaError
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw
@@ -74,7 +74,7 @@ def check_version(path: Path, text: str) -> None:
 
 
 def read_header_of(raw: Raw) -> EpisodeHeader:
-    """The header from metadata, /tower and config.json.
+    """The header from metadata, /tower, /robot and config.json.
 
     Raises:
         ValueError: something is missing, out of range or contradicts itself.
@@ -100,6 +100,7 @@ def read_header_of(raw: Raw) -> EpisodeHeader:
         checkpoint=metadata.get("checkpoint", ""),
         provenance=dict(raw.metadata.get(profile.PROVENANCE_METADATA, {})),
         control_step_ns=_whole(metadata, "control_step_ns"),
+        robot=_read_robot(raw),
     )
     if header.control_step_ns <= 0:
         raise ValueError(f"control_step_ns is {header.control_step_ns}; allowed: more than 0")
@@ -107,6 +108,16 @@ def read_header_of(raw: Raw) -> EpisodeHeader:
         if metadata.get(name, value) != value:
             raise ValueError(f"metadata says {name} = {metadata[name]}, {profile.TOWER} says {value}")
     return header
+
+
+def _read_robot(raw: Raw) -> RobotModel | None:
+    robots = raw.messages.get(profile.ROBOT, [])
+    if len(robots) > 1:
+        raise ValueError(f"{len(robots)} messages on {profile.ROBOT}; allowed: 1")
+    try:
+        return codec.read_robot(robots[0][1]) if robots else None
+    except ValueError as error:
+        raise ValueError(f"{profile.ROBOT}: {error}") from None
 
 
 def _whole(metadata: Mapping[str, str], name: str) -> int:

@@ -7,25 +7,28 @@ from google.protobuf.message import Message
 
 PROFILE: Final = "jenga"
 PREDICTION_PROFILE: Final = "jenga-prediction"
-VERSION: Final = (1, 0)
+VERSION: Final = (1, 1)
 """Another major version cannot be read; a higher minor one only adds what may be ignored."""
 
 TOWER: Final = "/tower"
 STATE: Final = "/tower/state"
 CONTACTS: Final = "/tower/contacts"
 SIM: Final = "/sim/state"
+ROBOT: Final = "/robot"
+ROBOT_STATE: Final = "/robot/state"
 ACTION: Final = "/action"
 GRIPPER: Final = "/gripper"
 PHASE: Final = "/phase"
 OUTCOME: Final = "/outcome"
-TOPICS: Final = (TOWER, STATE, CONTACTS, SIM, ACTION, GRIPPER, PHASE, OUTCOME)
+TOPICS: Final = (TOWER, STATE, CONTACTS, SIM, ROBOT, ROBOT_STATE, ACTION, GRIPPER, PHASE, OUTCOME)
 """What the reader reads. /tower and /tower/state are needed, the rest is not."""
 
 TF: Final = "/tf"
 ROBOT_DESCRIPTION: Final = "/robot_description"
 GRIPPER_DESCRIPTION: Final = "/gripper/robot_description"
+LINKS_DESCRIPTION: Final = "/robot/robot_description"
 TEXT: Final = "/log"
-"""These four are for viewers only and can be made again from the others."""
+"""These five are for viewers only and can be made again from the others."""
 
 EPISODE_METADATA: Final = "jenga"
 PROVENANCE_METADATA: Final = "provenance"
@@ -42,6 +45,8 @@ MAX_EPISODE_BYTES: Final = 2 * 2**30
 """Most that is kept in memory of one episode: 60,000 frames of a full tower."""
 MAX_BLOCKS: Final = 1024
 """Most blocks in a tower, and with it most levels."""
+MAX_PARTS: Final = 256
+"""Most joints and most links of a robot, and most solids of a link."""
 
 
 def version_text(version: tuple[int, int] = VERSION) -> str:

@@ -6,7 +6,16 @@ from typing import TypeVar
 
 import numpy as np
 
-from jenga_data.episode import Contacts, Episode, EpisodeHeader, GripperSample, GripperTrack, Result
+from jenga_data.episode import (
+    Contacts,
+    Episode,
+    EpisodeHeader,
+    GripperSample,
+    GripperTrack,
+    Result,
+    RobotModel,
+    RobotTrack,
+)
 from jenga_data.errors import JengaError
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw, gather, refuse_damage
@@ -40,7 +49,7 @@ def read_header(path: Path) -> tuple[EpisodeHeader, Result | None]:
     """
     with one_line(path):
         with open_log(path) as stream:
-            raw = gather(select(stream, (profile.TOWER, profile.OUTCOME), (profile.CONFIG,)))
+            raw = gather(select(stream, (profile.TOWER, profile.ROBOT, profile.OUTCOME), (profile.CONFIG,)))
         check_kind(path, raw)
         refuse_damage(path, raw)
         return read_header_of(raw), result_of(raw)
@@ -81,8 +90,8 @@ def _stack(raw: Raw) -> Episode:
     return Episode(
         header=header,
         time_ns=np.array([time for time, _ in frames], np.int64),
-        pose=np.stack([pose for _, (pose, _) in frames]),
-        twist=np.stack([twist for _, (_, twist) in frames]),
+        pose=np.stack([pose for _, (pose, _, _) in frames]),
+        twist=np.stack([twist for _, (_, twist, _) in frames]),
         contacts=[found for _, found in contacts] or [_no_contacts() for _ in frames],
         sim_state=np.stack([state for _, state in states]) if states else np.zeros((count, 0)),
         action_frame=np.array([action.frame for action in actions], np.int64),
@@ -91,6 +100,29 @@ def _stack(raw: Raw) -> Episode:
         gripper=_track([codec.read_gripper(data, time) for time, data in raw.messages[profile.GRIPPER]]),
         phases=sorted(phases, key=lambda phase: phase.time_ns),
         result=result_of(raw),
+        turntable=np.array([angle for _, (_, _, angle) in frames]),
+        robot=_robot_track(raw, header.robot, count),
+    )
+
+
+def _robot_track(raw: Raw, robot: RobotModel | None, count: int) -> RobotTrack | None:
+    """The robot's states at `count` frames, None where there is no robot.
+
+    Raises:
+        ValueError: a state is missing or does not fit the robot, or there are states of no robot.
+    """
+    messages = raw.messages.get(profile.ROBOT_STATE, [])
+    if robot is None and not messages:
+        return None
+    if robot is None or not messages:
+        there, missing = (profile.ROBOT, profile.ROBOT_STATE) if robot else (profile.ROBOT_STATE, profile.ROBOT)
+        raise ValueError(f"no messages on {missing}; needed where there is {there}")
+    states = [s for _, s in by_frame(raw, profile.ROBOT_STATE, lambda data: codec.read_robot_state(data, robot), count)]
+    return RobotTrack(
+        position=np.stack([state.position for state in states]),
+        velocity=np.stack([state.velocity for state in states]),
+        torque=np.stack([state.torque for state in states]),
+        link_pose=np.stack([state.link_pose for state in states]),
     )
 
 

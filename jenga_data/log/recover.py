@@ -15,7 +15,7 @@ from jenga_data.log.header import check_kind
 from jenga_data.log.output import PARTIAL, Output
 from jenga_data.log.records import Damage, one_line, open_log, walk
 
-_PER_FRAME = (profile.STATE, profile.CONTACTS, profile.SIM)
+_PER_FRAME = (profile.STATE, profile.CONTACTS, profile.SIM, profile.ROBOT_STATE)
 _WITH_FRAME = (*_PER_FRAME, profile.ACTION, profile.PHASE)
 
 
@@ -57,7 +57,8 @@ def recover(path: Path, out: Path) -> RecoveryReport:
     frames, lost = _complete_frames(raw)
     if not frames:
         raise CheckFailed(f"{path}: there is no complete frame ({_first(raw)}); nothing can be recovered")
-    lost = [str(damage) for damage in raw.damage] + lost
+    alone = _half_a_robot(raw)
+    lost = [str(damage) for damage in raw.damage] + [f"{topic}: its other half is lost" for topic in alone] + lost
     report = RecoveryReport(str(path), str(out), len(frames), bool(raw.messages.get(profile.OUTCOME)), lost=lost)
     # Not `<out>.partial`: that may be the very file to recover.
     output = Output(out, raw.profile or profile.PROFILE, partial=out.with_name(out.name + ".recovering"))
@@ -83,11 +84,17 @@ def _frame_of(topic: str, data: bytes) -> int | None:
         return None
 
 
+def _half_a_robot(raw: Raw) -> set[str]:
+    """What there is of a robot's model and states where the other is lost: alone it would be refused."""
+    found = {topic for topic in (profile.ROBOT, profile.ROBOT_STATE) if raw.messages.get(topic)}
+    return found if len(found) == 1 else set()
+
+
 def _complete_frames(raw: Raw) -> tuple[set[int], list[str]]:
     found = {
         topic: {_frame_of(topic, data) for _, data in raw.messages[topic]} - {None}
         for topic in _PER_FRAME
-        if raw.messages.get(topic)
+        if raw.messages.get(topic) and topic not in _half_a_robot(raw)
     }
     states = found.get(profile.STATE, set())
     complete = set.intersection(states, *found.values())
@@ -107,6 +114,7 @@ def _copy(
     records: Iterator[McapRecord | Damage], raw: Raw, frames: set[int], output: Output, report: RecoveryReport
 ) -> None:
     channels: dict[int, int] = {}
+    alone = _half_a_robot(raw)
     for record in records:
         match record:
             case Metadata() if record.name != profile.RECOVERY_METADATA:
@@ -114,6 +122,8 @@ def _copy(
             case Attachment():
                 output.attachment(record.name, record.media_type, record.data)
             case Message() if (channel := raw.channels.get(record.channel_id)) is not None:
+                if channel.topic in alone:
+                    continue
                 if channel.topic in _WITH_FRAME and _frame_of(channel.topic, record.data) not in frames:
                     continue
                 if channel.id not in channels:

@@ -8,7 +8,7 @@ from jenga_data.log import codec, profile
 from jenga_data.log.header import write_config, write_metadata
 from jenga_data.log.output import Output
 from jenga_data.log.proto import jenga_pb2 as pb
-from jenga_data.log.urdf import block_link, gripper_urdf, tower_urdf
+from jenga_data.log.urdf import block_link, gripper_urdf, robot_link, robot_urdf, tower_urdf
 from jenga_data.log.viewer import GRIPPER_LINKS, Transforms, gripper_poses, log_text
 
 
@@ -27,6 +27,8 @@ class EpisodeWriter:
         self._header = header
         self._transforms = Transforms([block_link(i) for i in range(len(header.blocks))])
         self._gripper_transforms = Transforms(GRIPPER_LINKS)
+        links = header.robot.links if header.robot else ()
+        self._robot_transforms = Transforms([robot_link(link.name) for link in links])
         self._gripper: GripperSample | None = None
         self._last_ns: int | None = None
         self._open = True
@@ -53,13 +55,25 @@ class EpisodeWriter:
             self._out.abandon()
 
     def frame(self, frame: Frame) -> None:
-        """Log one control step, and for viewers where blocks and gripper are."""
+        """Log one control step, and for viewers where blocks and robot, or else gripper, are.
+
+        Raises:
+            ValueError: the header has a robot and the frame none, or the other way round.
+        """
+        if (frame.robot is None) != (self._header.robot is None):
+            raise ValueError(f"frame {frame.index} and the header differ in whether there is a robot")
         time_ns = self._at(frame.time_ns)
         self._out.packed(profile.STATE, pb.TowerState, codec.write_state(frame), time_ns)
         self._out.packed(profile.CONTACTS, pb.Contacts, codec.write_contacts(frame), time_ns)
         self._out.packed(profile.SIM, pb.SimState, codec.write_sim_state(frame), time_ns)
+        if frame.robot is not None:
+            data = codec.write_robot_state(frame.index, frame.robot)
+            self._out.packed(profile.ROBOT_STATE, pb.RobotState, data, time_ns)
         self._out.message(profile.TF, self._transforms.fill(frame.pose, time_ns), time_ns)
-        if self._gripper is not None:
+        if frame.robot is not None:
+            links = self._robot_transforms.fill(frame.robot.link_pose, time_ns)
+            self._out.message(profile.TF, links, time_ns)
+        elif self._gripper is not None:
             poses = gripper_poses(self._gripper.pose, self._gripper.width)
             self._out.message(profile.TF, self._gripper_transforms.fill(poses, time_ns), time_ns)
 
@@ -69,7 +83,7 @@ class EpisodeWriter:
     def gripper(self, sample: GripperSample) -> None:
         """Log a sample at any rate; viewers get the last one at each frame."""
         time_ns = self._at(sample.time_ns)
-        if self._gripper is None:
+        if self._gripper is None and self._header.robot is None:
             self._out.text(profile.GRIPPER_DESCRIPTION, gripper_urdf(), time_ns)
         self._gripper = sample
         self._out.message(profile.GRIPPER, codec.write_gripper(sample), time_ns)
@@ -96,9 +110,12 @@ class EpisodeWriter:
         if not self._open:
             raise ValueError("the episode is finished or was left: nothing can be written to it")
         if self._last_ns is None:
-            blocks, target = self._header.blocks, self._header.target
+            blocks, target, robot = self._header.blocks, self._header.target, self._header.robot
             self._out.message(profile.TOWER, codec.write_tower(self._header), time_ns)
             self._out.text(profile.ROBOT_DESCRIPTION, tower_urdf(blocks.size, target), time_ns)
+            if robot is not None:
+                self._out.message(profile.ROBOT, codec.write_robot(robot), time_ns)
+                self._out.text(profile.LINKS_DESCRIPTION, robot_urdf(robot), time_ns)
             self._out.flush()
         self._last_ns = max(time_ns, self._last_ns or 0)
         return time_ns

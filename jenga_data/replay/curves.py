@@ -1,18 +1,20 @@
 """An episode as curves over time: what was commanded, felt, moved and predicted."""
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
+from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from jenga_data.episode import Episode, Prediction
-from jenga_data.palette import AXES, BLUE, MUTED_INK, VERMILLION, model_colour
+from jenga_data.palette import AXES, BLUE, MUTED_INK, VERMILLION, joint_colour, model_colour
 from jenga_data.replay import style
 from jenga_data.replay.measures import (
     MM,
@@ -25,6 +27,7 @@ from jenga_data.replay.measures import (
     seconds_of,
     standing_still_error,
 )
+from jenga_data.replay.series import has_turned, joint_curves
 
 _SMALLEST_ERROR_MM = 1e-3
 """A logarithmic axis has no zero: an error below a micrometre is drawn at one."""
@@ -39,9 +42,10 @@ Panel = tuple[str, Callable[[Axes], None]]
 
 
 def episode_curves(episode: Episode, predictions: Sequence[Prediction], path: Path) -> None:
-    """Write actions, fingertip forces, displacements and each model's error, one above the other, phases on top.
+    """Write actions, forces, displacements, joints and each model's error, one above the other, phases on top.
 
-    Panels that would be empty are left out: a selection episode has no gripper, and a log may have no prediction.
+    Panels that would be empty are left out: a selection episode has no gripper, a log may have no robot, a turntable
+    that never turns, or no prediction.
     """
     panels: list[Panel] = []
     if len(episode.action):
@@ -49,6 +53,10 @@ def episode_curves(episode: Episode, predictions: Sequence[Prediction], path: Pa
     if len(episode.gripper.time_ns):
         panels.append(("fingertip\nforce [N]", lambda axes: _forces(axes, episode)))
     panels.append(("others\nmoved [mm]", lambda axes: _displacements(axes, episode)))
+    for title, value in joint_curves(episode):
+        panels.append((title.replace(" ", "\n", 1), partial(_joints, episode=episode, value=value)))
+    if has_turned(episode):
+        panels.append(("turntable\n[°]", lambda axes: _turntable(axes, episode)))
     if predictions:
         panels.append(("error of the\nothers [mm]", lambda axes: _errors(axes, episode, predictions, of_target=False)))
         panels.append(("error of the\ntarget [mm]", lambda axes: _errors(axes, episode, predictions, of_target=True)))
@@ -106,6 +114,16 @@ def _displacements(axes: Axes, episode: Episode) -> None:
     axes.plot(time, largest_displacement_of_others(episode) * MM, color=VERMILLION, label="farthest")
     axes.plot(time, root_mean_square(moved) * MM, color=BLUE, label="all (RMS)")
     axes.set_ylim(bottom=0.0)
+
+
+def _joints(axes: Axes, episode: Episode, value: Float[np.ndarray, "frame joint"]) -> None:
+    names = episode.header.robot.joints if episode.header.robot else ()
+    for number, name in enumerate(names):
+        axes.plot(seconds(episode), value[:, number], color=joint_colour(number), label=name, linewidth=1.6)
+
+
+def _turntable(axes: Axes, episode: Episode) -> None:
+    axes.plot(seconds(episode), np.degrees(episode.turntable), color=BLUE, label="angle")
 
 
 def _errors(axes: Axes, episode: Episode, predictions: Sequence[Prediction], *, of_target: bool) -> None:

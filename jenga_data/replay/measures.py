@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jenga_data.episode import Episode, Prediction
+from jenga_data.geometry import in_table_frame
 
 MM = 1e3
 """Millimetres in a metre."""
@@ -37,8 +38,9 @@ def others(episode: Episode) -> Int[np.ndarray, " other"]:
 
 
 def displacement(episode: Episode) -> Float[np.ndarray, "frame block"]:
-    """How far each block's centre is from where it was at the first frame [m]."""
-    return np.linalg.norm(episode.pose[..., :3] - episode.pose[0, :, :3], axis=-1)
+    """How far each block's centre is from where it was on the turntable at the first frame [m]."""
+    pose = in_table_frame(episode.pose, episode.turntable)
+    return np.linalg.norm(pose[..., :3] - pose[0, :, :3], axis=-1)
 
 
 def largest_displacement_of_others(episode: Episode) -> Float[np.ndarray, " frame"]:

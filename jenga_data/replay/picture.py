@@ -14,32 +14,31 @@ from jenga_data.geometry import rotation_matrices
 from jenga_data.palette import TARGET, wood
 from jenga_data.replay import hand
 from jenga_data.replay.measures import samples_at_frames
-from jenga_data.replay.paint import TURNTABLE_RADIUS, Boxes, paint
+from jenga_data.replay.paint import TURNTABLE, Stand, paint
 from jenga_data.replay.raster import Camera
+from jenga_data.replay.solids import Boxes, Faces, robot_faces
 
 AZIMUTH, ELEVATION = np.radians(222.0), np.radians(20.0)
 """Where the eye stands unless a caller says otherwise: the -x side, to which every block is pulled, faces left."""
 
 _FAR = 0.42
-"""Boxes farther from the turntable's axis do not widen the view; the top of a tower that tips over comes so far [m]."""
+"""Parts farther from the turntable's axis do not widen the view; the top of a tower that tips over comes so far [m]."""
 
 
 def tower_camera(
-    boxes: Sequence[Boxes],
+    parts: Sequence[Boxes | Faces],
     azimuth: float = AZIMUTH,
     elevation: float = ELEVATION,
-    table: float = TURNTABLE_RADIUS,
+    stand: Stand = TURNTABLE,
 ) -> Camera:
-    """A camera that sees the turntable and all of the given boxes, so that pictures of one film share their frame.
+    """A camera that sees the turntable and all of the given parts, so that pictures of one film share their frame.
 
     Args:
         azimuth: where the eye stands, from +x towards +y [rad].
         elevation: how high above the horizon it stands [rad].
-        table: radius of the turntable [m].
+        stand: what the tower stands on.
     """
-    around = np.linspace(0, 2 * np.pi, 48, endpoint=False)
-    disc = table * np.stack([np.cos(around), np.sin(around), 0 * around], axis=1)
-    corners = np.concatenate([disc, *(b.corners() for b in boxes)])
+    corners = np.concatenate([stand.outline(), *(part.corners() for part in parts)])
     near = np.linalg.norm(corners[:, :2], axis=1) < _FAR
     return Camera.fitting(corners[near], azimuth, elevation)
 
@@ -51,22 +50,22 @@ def render_tower(
     *,
     colours: Float[np.ndarray, "block 3"] | None = None,
     target: int | None = None,
-    others: Sequence[Boxes] = (),
+    others: Sequence[Boxes | Faces] = (),
     ghosts: Sequence[Boxes] = (),
     camera: Camera | None = None,
     height: int = 900,
-    table: float = TURNTABLE_RADIUS,
+    stand: Stand = TURNTABLE,
 ) -> Float[np.ndarray, "height width 3"]:
     """Draw a tower into axes or a PNG file, and return the picture.
 
     Args:
         colours: of each block; by default wood, in two tones by the direction a block lies in.
         target: drawn in its own colour, whatever `colours` says.
-        others: solid boxes besides the blocks, such as a gripper's.
+        others: solid parts besides the blocks, such as a robot's.
         ghosts: translucent boxes, such as a prediction.
         camera: what to look at; by default everything, from the side that blocks are pulled to.
         height: of the picture [pixels]; its width follows from the camera.
-        table: radius of the turntable [m].
+        stand: what the tower stands on.
     """
     if colours is None:
         along_y = np.abs(rotation_matrices(pose[:, 3:])[:, 0, 0]) < np.sqrt(0.5)
@@ -74,9 +73,10 @@ def render_tower(
     if target is not None:
         colours = colours.copy()
         colours[target] = TARGET
-    boxes = Boxes.joined([Boxes(pose, size, colours), *others])
-    camera = camera or tower_camera([boxes, *ghosts])
-    image = paint(boxes, ghosts, camera, max(1, round(height * camera.aspect)), height, table)
+    parts = [Boxes(pose, size, colours), *others]
+    camera = camera or tower_camera([*parts, *ghosts], stand=stand)
+    faces = Faces.joined([part.faces() if isinstance(part, Boxes) else part for part in parts])
+    image = paint(faces, ghosts, camera, max(1, round(height * camera.aspect)), height, stand)
     if isinstance(where, Axes):
         where.imshow(image, interpolation="none")
         where.set_axis_off()
@@ -92,6 +92,13 @@ def gripper_boxes(episode: Episode, frame: int) -> list[Boxes]:
         return []
     sample = samples_at_frames(episode)[[frame]]
     return [Boxes(hand.hand_poses(track.pose[sample], track.width[sample])[0], hand.SIZE, hand.COLOUR)]
+
+
+def robot_parts(episode: Episode, frame: int) -> list[Boxes | Faces]:
+    """The robot's links at a frame, or the gripper alone where the log says nothing of a robot; none without both."""
+    if episode.robot is None or episode.header.robot is None:
+        return [*gripper_boxes(episode, frame)]
+    return [robot_faces(episode.header.robot, episode.robot.link_pose[frame])]
 
 
 def _write_png(path: Path, image: Float[np.ndarray, "height width 3"]) -> None:

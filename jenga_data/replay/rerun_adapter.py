@@ -8,6 +8,7 @@ call an entity, because a call a block or a frame takes a hundred times as long.
 import time as clock
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -16,8 +17,9 @@ from jaxtyping import Float
 from rerun.experimental import Timeline, ViewerClient
 
 from jenga_data import palette
-from jenga_data.episode import Episode, Prediction
+from jenga_data.episode import Episode, Link, Prediction, RobotModel, RobotTrack
 from jenga_data.errors import JengaError
+from jenga_data.geometry import rotation_matrices
 from jenga_data.replay import hand
 from jenga_data.replay.contact_points import contact_points, graph_nodes
 from jenga_data.replay.measures import (
@@ -31,10 +33,18 @@ from jenga_data.replay.measures import (
     position_error,
     seconds,
 )
-from jenga_data.replay.paint import TABLE_DEPTH, TURNTABLE_RADIUS
 from jenga_data.replay.series import Series, episode_series, model_path
 from jenga_data.replay.summary import outcome_words, summary
 from jenga_data.replay.viewer import headless_viewer
+from jenga_data.scenery import (
+    COLUMN_HEIGHT,
+    COLUMN_RADIUS,
+    TABLE_CENTRE,
+    TABLE_SIZE,
+    TABLE_TOP,
+    TURNTABLE_HEIGHT,
+    TURNTABLE_RADIUS,
+)
 
 TIME, FRAME = "time", "frame"
 """The two timelines: seconds since the first frame, and the frame's number."""
@@ -46,6 +56,10 @@ _FAINTEST = 0.02
 """Contacts weaker than this are not drawn [N]."""
 _GHOST_MARGIN = 3e-4
 """Ghosts are larger than their blocks by so much [m], so that they do not flicker where they agree with the truth."""
+_STEP_BACK = 1.25
+"""From how far a view looks at a robot and its tower, in diagonals of the box around them."""
+_TABLE = (0.20, 0.21, 0.22)
+"""Darker than the turntable: on a black ground a pale table would be the brightest thing of all."""
 _NODE = (70.0, -40.0)
 """A step to the right and a level up in the contact graph."""
 _SOLID, _WIRES = rr.components.FillMode.Solid, rr.components.FillMode.MajorWireframe
@@ -156,10 +170,7 @@ def _log(to: _Recorder, predictions: Sequence[Prediction]) -> None:
 def _log_scene(to: _Recorder) -> None:
     episode, header = to.episode, to.episode.header
     to.static("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
-    centre, grey = (0.0, 0.0, -TABLE_DEPTH / 2), [palette.rgba8(palette.TABLE)]
-    disc = rr.Cylinders3D(lengths=[TABLE_DEPTH], radii=[TURNTABLE_RADIUS], centers=[centre], colors=grey)
-    to.static("/world/turntable", disc)
-    to.static("/world/turntable", rr.Cylinders3D.from_fields(fill_mode=_SOLID))
+    _log_stand(to)
     colours = palette.rgba8(palette.block_colours(header.layout.level, header.target))
     edges = rr.Boxes3D(sizes=header.blocks.size, colors=[palette.rgba8(palette.INK)], radii=rr.Radius.ui_points(0.6))
     to.static("/world/edges", edges)
@@ -169,7 +180,9 @@ def _log_scene(to: _Recorder) -> None:
     to.static("/world/tower", tower)
     to.boxes("/world/tower", episode.time_ns, episode.pose)
     track = episode.gripper
-    if len(track.time_ns):
+    if header.robot is not None and episode.robot is not None:
+        _log_robot(to, header.robot, episode.robot)
+    elif len(track.time_ns):
         to.static("/world/gripper", rr.Boxes3D(sizes=hand.SIZE, colors=palette.rgba8(hand.COLOUR), fill_mode=_SOLID))
         to.boxes("/world/gripper", track.time_ns, hand.hand_poses(track.pose, track.width))
     if episode.phases:
@@ -178,6 +191,66 @@ def _log_scene(to: _Recorder) -> None:
         to.static("/phase", rr.StateConfiguration(values=names, colors=colours))
         starts = np.array([phase.time_ns for phase in episode.phases])
         to.columns("/phase", starts, rr.StateChange.columns(state=[phase.name for phase in episode.phases]))
+
+
+def _log_stand(to: _Recorder) -> None:
+    """Turntable, column and table."""
+    stand = rr.Cylinders3D(
+        lengths=[TURNTABLE_HEIGHT, COLUMN_HEIGHT],
+        radii=[TURNTABLE_RADIUS, COLUMN_RADIUS],
+        centers=[(0.0, 0.0, -TURNTABLE_HEIGHT / 2), (0.0, 0.0, TABLE_TOP + COLUMN_HEIGHT / 2)],
+        colors=palette.rgba8(np.array([palette.TABLE, palette.STEEL])),
+        fill_mode=_SOLID,
+    )
+    to.static("/world/turntable", stand)
+    colour = [palette.rgba8(_TABLE)]
+    to.static("/world/table", rr.Boxes3D(sizes=[TABLE_SIZE], centers=[TABLE_CENTRE], colors=colour, fill_mode=_SOLID))
+
+
+def _log_robot(to: _Recorder, model: RobotModel, track: RobotTrack) -> None:
+    """A transform a link over time, and below it what the link is made of: an entity a kind of solid."""
+    for number, link in enumerate(model.links):
+        path = _link_path(link)
+        pose = track.link_pose[:, number].astype(np.float32)
+        moves = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
+        to.columns(path, to.episode.time_ns, moves)
+        for shape in _shapes(link):
+            to.static(f"{path}/{shape}", _solids(link, shape))
+
+
+def _link_path(link: Link) -> str:
+    return "/world/robot/" + rr.escape_entity_path_part(link.name)
+
+
+def _shapes(link: Link) -> list[str]:
+    """Every shape of its solids once."""
+    return list(dict.fromkeys(solid.shape for solid in link.solids))
+
+
+def _solids(link: Link, shape: str) -> rr.AsComponents:
+    """All of a link's solids of one shape."""
+    solids = [solid for solid in link.solids if solid.shape == shape]
+    size, pose = np.array([solid.size for solid in solids]), np.array([solid.pose for solid in solids])
+    colour = np.round(255 * np.array([solid.color for solid in solids])).astype(np.uint8)
+    centre, turn = pose[:, :3], pose[:, [4, 5, 6, 3]]
+    radii, lengths = size[:, 0], size[:, 1]
+    match shape:
+        case "box":
+            return rr.Boxes3D(sizes=size, centers=centre, quaternions=turn, colors=colour, fill_mode=_SOLID)
+        case "sphere":
+            return rr.Ellipsoids3D(radii=radii, centers=centre, colors=colour, fill_mode=_SOLID)
+        case "cylinder":
+            return rr.Cylinders3D(
+                radii=radii, lengths=lengths, centers=centre, quaternions=turn, colors=colour, fill_mode=_SOLID
+            )
+        case "capsule":
+            # Here a capsule's origin is the middle of its lower cap, not its own middle.
+            low = centre - rotation_matrices(pose[:, 3:])[..., 2] * lengths[:, None] / 2
+            return rr.Capsules3D(
+                radii=radii, lengths=lengths, translations=low, quaternions=turn, colors=colour, fill_mode=_SOLID
+            )
+        case other:
+            raise ValueError(f"no solid has the shape {other!r}")
 
 
 def _log_contacts(to: _Recorder) -> None:
@@ -232,21 +305,24 @@ def _log_model(to: _Recorder, number: int, label: str, prediction: Prediction) -
 
 def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Blueprint:
     """The layout: towers, graph and text above; phases and curves over one time axis below. No panel is empty."""
-    base, tower, contacts = ["/world/turntable", "/world/edges"], ["/world/tower", "/world/gripper"], "/world/contacts"
+    stand, contacts = ["/world/turntable", "/world/table"], "/world/contacts"
+    base = [*stand, "/world/edges"]
+    tower = ["/world/tower", "/world/gripper", "/world/robot/**"]
+    eye = _eye(episode)
     ghosts: list[str] = []
     coloured: list[rrb.Spatial3DView] = []
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
         if len(prediction.frame):
             ghosts.append(f"{model_path(label)}/ghost/**")
-            coloured.append(_spatial(f"error, {label}", [*base, f"{model_path(label)}/error"]))
+            coloured.append(_spatial(f"error, {label}", [*base, f"{model_path(label)}/error"], eye))
         if has_chances(prediction):
-            coloured.append(_spatial(f"chance to fail, {prediction.name}", [*base, f"{model_path(label)}/chance"]))
+            coloured.append(_spatial(f"chance to fail, {prediction.name}", [*base, f"{model_path(label)}/chance"], eye))
     title = "tower, with ghosts of the models" if ghosts else "tower"
-    above: list[rrb.Container | rrb.View] = [_spatial(title, [*base, *tower, *ghosts])]
+    above: list[rrb.Container | rrb.View] = [_spatial(title, [*base, *tower, *ghosts], eye)]
     if coloured:
         above.append(rrb.Tabs(contents=coloured))
     if any(len(touching.first) for touching in episode.contacts):
-        above.append(_spatial("contact forces", ["/world/turntable", *tower, contacts], as_wires=tower))
+        above.append(_spatial("contact forces", [*stand, *tower, contacts], eye, _wires(episode)))
         highest = len(episode.header.layout.grid) - 0.3
         x, y = (-2.5 * _NODE[0], 2.5 * _NODE[0]), (highest * _NODE[1], -1.9 * _NODE[1])
         bounds = rrb.VisualBounds2D(x_range=x, y_range=y)
@@ -255,13 +331,10 @@ def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Bluep
     words = rrb.TextDocumentView(origin="/episode", name="episode")
     start, end = (rr.TimeRangeBoundary.absolute(seconds=s) for s in (0.0, float(seconds(episode)[-1])))
     whole = rrb.TimeAxis(view_range=rr.TimeRange(start=start, end=end))
-    plots: dict[str, list[Series]] = {}
-    for series in episode_series(episode, predictions):
-        plots.setdefault(series.plot, []).append(series)
     rows: list[rrb.Container | rrb.View] = [rrb.Horizontal(*above, words, column_shares=[*shares, 1.9])]
     if episode.phases:
         rows.append(rrb.StateTimelineView(origin="/phase", name="phases", time_view=whole))
-    rows.append(rrb.Horizontal(*(_curves(name, lines, whole) for name, lines in plots.items())))
+    rows.append(rrb.Horizontal(*_plots(episode_series(episode, predictions), whole)))
     return rrb.Blueprint(
         rrb.Vertical(*rows, row_shares=[5.4, *([0.85] if episode.phases else []), 3.6]),
         rrb.TimePanel(timeline=TIME, state="collapsed"),
@@ -270,19 +343,60 @@ def _blueprint(episode: Episode, predictions: Sequence[Prediction]) -> rrb.Bluep
     )
 
 
-def _spatial(name: str, contents: list[str], as_wires: Sequence[str] = ()) -> rrb.Spatial3DView:
-    eye = rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital, position=(-0.43, -0.33, 0.26), look_target=(-0.06, 0.0, 0.125), eye_up=(0, 0, 1)
-    )
-    wires = rr.Boxes3D.from_fields(fill_mode=_WIRES, colors=[palette.rgba8(palette.OUTLINE)])
+def _spatial(
+    name: str, contents: list[str], eye: rrb.EyeControls3D, overrides: dict[Any, Any] | None = None
+) -> rrb.Spatial3DView:
     return rrb.Spatial3DView(
-        origin="/",
-        contents=contents,
-        name=name,
-        eye_controls=eye,
-        line_grid=False,
-        overrides=dict.fromkeys(as_wires, wires),
+        origin="/", contents=contents, name=name, eye_controls=eye, line_grid=False, overrides=overrides or {}
     )
+
+
+def _wires(episode: Episode) -> dict[Any, Any]:
+    """What draws tower and robot by their edges only, so that arrows show."""
+    kinds = {"box": rr.Boxes3D, "sphere": rr.Ellipsoids3D, "cylinder": rr.Cylinders3D, "capsule": rr.Capsules3D}
+    colors = [palette.rgba8(palette.OUTLINE)]
+    wires: dict[Any, Any] = {
+        path: rr.Boxes3D.from_fields(fill_mode=_WIRES, colors=colors) for path in ("/world/tower", "/world/gripper")
+    }
+    for link in episode.header.robot.links if episode.header.robot else ():
+        for shape in _shapes(link):
+            wires[f"{_link_path(link)}/{shape}"] = kinds[shape].from_fields(fill_mode=_WIRES, colors=colors)
+    return wires
+
+
+def _eye(episode: Episode) -> rrb.EyeControls3D:
+    """From where a view looks at first: at the tower from the side it is pulled to, at a robot and its tower from
+    across, so that neither hides the other."""
+    at, position = np.array([-0.06, 0.0, 0.125]), np.array([-0.43, -0.33, 0.26])
+    if episode.robot is not None and episode.robot.link_pose.size:
+        links = episode.robot.link_pose[0, :, :3]
+        both = np.concatenate([links, episode.pose[0, :, :3]])
+        low, high = both.min(axis=0), both.max(axis=0)
+        way = episode.pose[0, :, :2].mean(axis=0) - links[:, :2].mean(axis=0)
+        across = np.array([way[1], -way[0]]) / max(float(np.hypot(*way)), 1e-6)
+        across *= -1.0 if across @ position[:2] < 0 else 1.0
+        distance = _STEP_BACK * float(np.linalg.norm(high - low))
+        at = (low + high) / 2
+        position = at + distance * np.array([*across, 0.4])
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital, position=tuple(position), look_target=tuple(at), eye_up=(0, 0, 1)
+    )
+
+
+def _plots(found: Sequence[Series], whole: rrb.TimeAxis) -> list[rrb.Container | rrb.View]:
+    """A view a plot, side by side; those of one tab behind each other, last."""
+    plots: dict[tuple[str, str], list[Series]] = {}
+    for series in found:
+        plots.setdefault((series.tab, series.plot), []).append(series)
+    views: list[rrb.Container | rrb.View] = []
+    tabs: dict[str, list[rrb.View]] = {}
+    for (tab, name), lines in plots.items():
+        view = _curves(name, lines, whole)
+        if tab:
+            tabs.setdefault(tab, []).append(view)
+        else:
+            views.append(view)
+    return views + [rrb.Tabs(contents=contents, name=tab) for tab, contents in tabs.items()]
 
 
 def _curves(name: str, lines: list[Series], whole: rrb.TimeAxis) -> rrb.TimeSeriesView:

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jenga_data.episode import Episode, Prediction
-from jenga_data.palette import GREEN, SKY_BLUE, VERMILLION, model_colour
+from jenga_data.palette import GREEN, ORANGE, SKY_BLUE, VERMILLION, joint_colour, model_colour
 from jenga_data.replay.measures import (
     MM,
     displacement,
@@ -21,11 +21,15 @@ from jenga_data.replay.measures import (
 _XYZ = (VERMILLION, GREEN, SKY_BLUE)
 """Lighter than `palette.AXES`: these stand on black as well."""
 _THICK, _THIN = 1.8, 0.8
+_MACHINE = "robot"
 
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Lines with common times: `path` names them in a recording, `plot` is the title, with its unit, they share."""
+    """Lines with common times: `path` names them in a recording, `plot` is the title, with its unit, they share.
+
+    Plots of the same `tab` stand behind each other; a plot without one always shows.
+    """
 
     path: str
     plot: str
@@ -34,6 +38,7 @@ class Series:
     names: tuple[str, ...]
     colours: tuple[tuple[float, float, float], ...]
     width: float = _THICK
+    tab: str = ""
 
 
 def episode_series(episode: Episode, predictions: Sequence[Prediction]) -> list[Series]:
@@ -53,6 +58,7 @@ def episode_series(episode: Episode, predictions: Sequence[Prediction]) -> list[
             ("farthest", "all (RMS)"), (VERMILLION, SKY_BLUE),
         ),
     ]  # fmt: skip
+    found += _machine_series(episode)
     for number, (label, prediction) in enumerate(zip(model_labels(predictions), predictions, strict=True)):
         error = position_error(episode, prediction) * MM
         value = np.stack([root_mean_square(error[:, others(episode)]), error[:, episode.header.target]], axis=1)
@@ -62,6 +68,34 @@ def episode_series(episode: Episode, predictions: Sequence[Prediction]) -> list[
             Series(f"{model_path(label)}/curve", plot, episode.time_ns[prediction.frame], value, names, colours)
         )
     return [series for series in found if len(series.time_ns)]
+
+
+def joint_curves(episode: Episode) -> list[tuple[str, Float[np.ndarray, "frame joint"]]]:
+    """Title, with its unit, and values of what the robot's joints did; none where it has no joints."""
+    track = episode.robot
+    if track is None or not track.position.shape[1]:
+        return []
+    return [("joints [rad]", track.position), ("speed [rad/s]", track.velocity), ("torque [N m]", track.torque)]
+
+
+def has_turned(episode: Episode) -> bool:
+    """Whether the turntable did anything worth a curve."""
+    return bool(np.any(episode.turntable != 0.0))
+
+
+def _machine_series(episode: Episode) -> list[Series]:
+    """What joints and turntable did, behind each other: there is no room for all of them side by side."""
+    names = episode.header.robot.joints if episode.header.robot else ()
+    colours = tuple(joint_colour(number) for number in range(len(names)))
+    found = [
+        Series(f"/curve/robot/{title.split()[0]}", title, episode.time_ns, value, names, colours, tab=_MACHINE)
+        for title, value in joint_curves(episode)
+    ]
+    if has_turned(episode):
+        angle = np.degrees(episode.turntable)[:, None]
+        title = "turntable [°]"
+        found.append(Series("/curve/turntable", title, episode.time_ns, angle, ("angle",), (ORANGE,), tab=_MACHINE))
+    return found
 
 
 def model_path(label: str) -> str:

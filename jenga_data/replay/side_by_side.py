@@ -13,14 +13,16 @@ from jenga_data.palette import INK, MUTED_INK, block_colours
 from jenga_data.replay import style
 from jenga_data.replay.measures import MM, largest_displacement_of_others, seconds
 from jenga_data.replay.moments import MOMENTS, Moment, telling_moments
-from jenga_data.replay.paint import Boxes
-from jenga_data.replay.picture import gripper_boxes, render_tower, tower_camera
+from jenga_data.replay.paint import Stand
+from jenga_data.replay.picture import render_tower, robot_parts, tower_camera
 from jenga_data.replay.raster import Camera
+from jenga_data.replay.solids import Boxes
 from jenga_data.replay.summary import outcome_words, target_words
+from jenga_data.scenery import TURNTABLE_HEIGHT
 from jenga_data.tower import TowerState
 
-_PLATE = 0.064
-"""Radius of what the towers of a grid stand on [m]: just wider than a tower, so that they stand close together."""
+_PLATE = Stand(radius=0.064, floor=-TURNTABLE_HEIGHT)
+"""What the towers of a grid stand on: just wider than a tower, so that they stand close together, and on the paper."""
 _WIDEST = 400
 """Pixels: where blocks lie far apart, the pictures of a strip get lower and not wider, so that its type stays large."""
 _LEAST_LETTER = 25.0
@@ -42,7 +44,7 @@ def tower_grid(
         height: of each picture [pixels].
     """
     towers = [Boxes(s.pose, s.blocks.size, block_colours(s.layout.level)) for s in states]
-    camera = tower_camera(towers, table=_PLATE)
+    camera = tower_camera(towers, stand=_PLATE)
     lines = 1 + max(title.count("\n") for title in titles)
     grid = _Grid(len(titles), min(columns, len(titles)), camera, height, lines)
     with style.applied():
@@ -53,7 +55,7 @@ def tower_grid(
             where = grid.axes(figure, number, title)
             render_tower(
                 where, tower.pose, tower.size,
-                colours=tower.colour, target=target, camera=camera, height=height, table=_PLATE,
+                colours=tower.colour, target=target, camera=camera, height=height, stand=_PLATE,
             )  # fmt: skip
     return figure
 
@@ -77,17 +79,18 @@ def film_strip(episode: Episode, moments: Sequence[Moment] | None = None, height
             raise JengaError(f"frame {moment.frame} is not in the episode; it has frames 0 to {count - 1}")
     size = episode.header.blocks.size
     colours = block_colours(episode.header.layout.level, episode.header.target)
-    scenes = [(Boxes(episode.pose[m.frame], size, colours), gripper_boxes(episode, m.frame)) for m in moments]
-    camera = tower_camera([box for tower, grippers in scenes for box in (tower, *grippers)])
+    scenes = [(Boxes(episode.pose[m.frame], size, colours), robot_parts(episode, m.frame)) for m in moments]
+    # A whole robot would make the tower small: only a gripper widens the view.
+    camera = tower_camera([part for tower, parts in scenes for part in (tower, *parts) if isinstance(part, Boxes)])
     time = seconds(episode)
     height = min(height, round(_WIDEST / camera.aspect))
     # A log that ends after a frame or two gets no narrower a figure, so that its title fits.
     grid = _Grid(len(moments), max(MOMENTS, len(moments)), camera, height, lines=2, heading=2)
     with style.applied():
         figure = grid.figure(*strip_title(episode))
-        for number, (moment, (tower, grippers)) in enumerate(zip(moments, scenes, strict=True)):
+        for number, (moment, (tower, parts)) in enumerate(zip(moments, scenes, strict=True)):
             where = grid.axes(figure, number, f"{moment.name}\n{time[moment.frame]:.2f} s")
-            render_tower(where, tower.pose, size, colours=colours, others=grippers, camera=camera, height=height)
+            render_tower(where, tower.pose, size, colours=colours, others=parts, camera=camera, height=height)
     return figure
 
 

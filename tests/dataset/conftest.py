@@ -96,6 +96,8 @@ def make_episode(kind: str = "selection", number: int = 0, outcome: Outcome | No
         ),
         phases=[],
         result=Result(verdict, "slipped" if found is Outcome.STUCK else ""),
+        turntable=np.zeros(FRAMES),
+        robot=None,
     )
 
 

@@ -78,6 +78,7 @@ _NO_FRAMES = {
     "pose": np.zeros((0, 6, 7)),
     "twist": np.zeros((0, 6, 6)),
     "sim_state": np.zeros((0, 1)),
+    "turntable": np.zeros(0),
     "contacts": [],
 }
 

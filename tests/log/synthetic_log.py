@@ -1,9 +1,10 @@
 """A synthetic episode, by default of two levels, without a simulator, and writing it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import three_link_robot
 
 from jenga_data.blocks import Blocks, sample_blocks
 from jenga_data.episode import (
@@ -92,6 +93,15 @@ def make_script(frames: int = 12, blocks: int = 6, state: int = 20, seed: int = 
         phases=[Phase(0, 0, "grasp"), Phase(2, 2 * STEP_NS, "pull")],
         result=Result(Verdict(Outcome.STUCK, dragged=True, moved=0.0163, clear_frame=-1), "slipped"),
     )
+
+
+def with_robot(script: Script) -> Script:
+    """The same with a robot, on a turntable that turns by 0.01 rad a frame."""
+    frames = [
+        replace(frame, turntable=0.01 * frame.index, robot=three_link_robot.state(0.05 * frame.index, speed=1.5))
+        for frame in script.frames
+    ]
+    return replace(script, header=replace(script.header, robot=three_link_robot.MODEL), frames=frames)
 
 
 def write(path: Path, script: Script) -> Path:

@@ -134,4 +134,6 @@ def small_episode(frames: int = 6, seed: int = 3) -> Episode:
         gripper=track,
         phases=[],
         result=None,
+        turntable=np.zeros(frames),
+        robot=None,
     )

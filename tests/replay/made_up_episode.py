@@ -75,6 +75,8 @@ def make_episode(frames: int = 120, pull: tuple[int, int] = (20, 70), robot: boo
         gripper=_track(time_ns, pose, rng) if robot else _no_track(),
         phases=[Phase(f, int(time_ns[f]), name) for f, name in names if f < frames],
         result=Result(judge(pose, blocks.size, TARGET, CONTROL_STEP_NS * 1e-9)),
+        turntable=np.zeros(frames),
+        robot=None,
     )
 
 

@@ -148,6 +148,7 @@ def test_two_thousand_frames_take_less_than_five_seconds(tmp_path: Path) -> None
             "pose": episode.pose[many],
             "twist": episode.twist[many],
             "sim_state": episode.sim_state[many],
+            "turntable": episode.turntable[many],
             "contacts": [episode.contacts[k] for k in many],
         }
     )

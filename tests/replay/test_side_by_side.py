@@ -140,7 +140,9 @@ def test_a_collapse_is_shown_around_the_fall(episode: Episode) -> None:
 def test_a_fall_right_after_the_pull_begins_has_its_moments_in_order(episode: Episode) -> None:
     """Fifteen frames from the servo's first pull to the fall, hardly more than what is shown before a fall."""
     early = fallen(episode)
-    part = {name: getattr(early, name)[75:] for name in ("time_ns", "pose", "twist", "contacts", "sim_state")}
+    part = {
+        name: getattr(early, name)[75:] for name in ("time_ns", "pose", "twist", "contacts", "sim_state", "turntable")
+    }
     phases = [replace(early.phases[0], frame=0, name="pull"), replace(early.phases[0], frame=15, name="observe")]
     moments = telling_moments(replace(early, **part, phases=phases))
     assert [m.name for m in moments] == ["start", "pull", "before the fall", "falls", "falls", "end"]
@@ -157,7 +159,10 @@ def test_a_stuck_block_is_shown_until_the_end(episode: Episode) -> None:
 
 @pytest.mark.parametrize("frames", [1, 2, 4])
 def test_a_log_that_ends_early_shows_every_frame_it_has(episode: Episode, frames: int) -> None:
-    fields = {name: getattr(episode, name)[:frames] for name in ("time_ns", "pose", "twist", "contacts", "sim_state")}
+    fields = {
+        name: getattr(episode, name)[:frames]
+        for name in ("time_ns", "pose", "twist", "contacts", "sim_state", "turntable")
+    }
     cut = replace(episode, **fields, phases=[], result=None)
     assert [m.frame for m in telling_moments(cut)] == list(range(frames))
     assert texts(film_strip(cut, height=60))[0].startswith("unknown: the log ends before its outcome; largest")

@@ -1,8 +1,8 @@
 from google.protobuf.internal import containers as _containers
 from google.protobuf import descriptor as _descriptor
 from google.protobuf import message as _message
-from collections.abc import Iterable as _Iterable
-from typing import ClassVar as _ClassVar, Optional as _Optional
+from collections.abc import Iterable as _Iterable, Mapping as _Mapping
+from typing import ClassVar as _ClassVar, Optional as _Optional, Union as _Union
 
 DESCRIPTOR: _descriptor.FileDescriptor
 
@@ -29,14 +29,16 @@ class Tower(_message.Message):
     def __init__(self, size: _Optional[_Iterable[float]] = ..., mass: _Optional[_Iterable[float]] = ..., level: _Optional[_Iterable[int]] = ..., slot: _Optional[_Iterable[int]] = ..., moves: _Optional[int] = ..., target: _Optional[int] = ..., turn: _Optional[int] = ..., face: _Optional[int] = ..., wedge: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class TowerState(_message.Message):
-    __slots__ = ("frame", "pose", "twist")
+    __slots__ = ("frame", "pose", "twist", "turntable")
     FRAME_FIELD_NUMBER: _ClassVar[int]
     POSE_FIELD_NUMBER: _ClassVar[int]
     TWIST_FIELD_NUMBER: _ClassVar[int]
+    TURNTABLE_FIELD_NUMBER: _ClassVar[int]
     frame: int
     pose: _containers.RepeatedScalarFieldContainer[float]
     twist: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, frame: _Optional[int] = ..., pose: _Optional[_Iterable[float]] = ..., twist: _Optional[_Iterable[float]] = ...) -> None: ...
+    turntable: float
+    def __init__(self, frame: _Optional[int] = ..., pose: _Optional[_Iterable[float]] = ..., twist: _Optional[_Iterable[float]] = ..., turntable: _Optional[float] = ...) -> None: ...
 
 class Contacts(_message.Message):
     __slots__ = ("frame", "first", "second", "force")
@@ -57,6 +59,48 @@ class SimState(_message.Message):
     frame: int
     state: _containers.RepeatedScalarFieldContainer[float]
     def __init__(self, frame: _Optional[int] = ..., state: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class Robot(_message.Message):
+    __slots__ = ("joint", "link")
+    JOINT_FIELD_NUMBER: _ClassVar[int]
+    LINK_FIELD_NUMBER: _ClassVar[int]
+    joint: _containers.RepeatedScalarFieldContainer[str]
+    link: _containers.RepeatedCompositeFieldContainer[Link]
+    def __init__(self, joint: _Optional[_Iterable[str]] = ..., link: _Optional[_Iterable[_Union[Link, _Mapping]]] = ...) -> None: ...
+
+class Link(_message.Message):
+    __slots__ = ("name", "solid")
+    NAME_FIELD_NUMBER: _ClassVar[int]
+    SOLID_FIELD_NUMBER: _ClassVar[int]
+    name: str
+    solid: _containers.RepeatedCompositeFieldContainer[Solid]
+    def __init__(self, name: _Optional[str] = ..., solid: _Optional[_Iterable[_Union[Solid, _Mapping]]] = ...) -> None: ...
+
+class Solid(_message.Message):
+    __slots__ = ("shape", "size", "pose", "color")
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
+    SIZE_FIELD_NUMBER: _ClassVar[int]
+    POSE_FIELD_NUMBER: _ClassVar[int]
+    COLOR_FIELD_NUMBER: _ClassVar[int]
+    shape: str
+    size: _containers.RepeatedScalarFieldContainer[float]
+    pose: _containers.RepeatedScalarFieldContainer[float]
+    color: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, shape: _Optional[str] = ..., size: _Optional[_Iterable[float]] = ..., pose: _Optional[_Iterable[float]] = ..., color: _Optional[_Iterable[float]] = ...) -> None: ...
+
+class RobotState(_message.Message):
+    __slots__ = ("frame", "position", "velocity", "torque", "link_pose")
+    FRAME_FIELD_NUMBER: _ClassVar[int]
+    POSITION_FIELD_NUMBER: _ClassVar[int]
+    VELOCITY_FIELD_NUMBER: _ClassVar[int]
+    TORQUE_FIELD_NUMBER: _ClassVar[int]
+    LINK_POSE_FIELD_NUMBER: _ClassVar[int]
+    frame: int
+    position: _containers.RepeatedScalarFieldContainer[float]
+    velocity: _containers.RepeatedScalarFieldContainer[float]
+    torque: _containers.RepeatedScalarFieldContainer[float]
+    link_pose: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, frame: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., torque: _Optional[_Iterable[float]] = ..., link_pose: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Action(_message.Message):
     __slots__ = ("frame", "displacement", "reached")

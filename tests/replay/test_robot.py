@@ -1,0 +1,261 @@
+"""A robot in a replay: its links in rerun and in pictures where the log has them, its joints and the turntable."""
+
+import time
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+
+import matplotlib.image
+import numpy as np
+import pytest
+from made_up_episode import TARGET, make_episode
+from rerun.chunk import Chunk, RrdReader
+from three_link_robot import BASE, MODEL, REACH, track
+
+from jenga_data.episode import Episode
+from jenga_data.geometry import rotation_matrices
+from jenga_data.replay.curves import episode_curves
+from jenga_data.replay.measures import displacement
+from jenga_data.replay.paint import TURNTABLE
+from jenga_data.replay.picture import render_tower, robot_parts, tower_camera
+from jenga_data.replay.raster import NOTHING, Camera, rasterise
+from jenga_data.replay.rerun_adapter import FRAME, write_rrd
+from jenga_data.replay.series import episode_series
+from jenga_data.replay.side_by_side import film_strip
+from jenga_data.replay.solids import Boxes, Faces, robot_faces, solid_quads
+from jenga_data.tower import turn_poses
+
+SOLIDS = {
+    "/world/robot/base/box",
+    "/world/robot/base/cylinder",
+    "/world/robot/arm/capsule",
+    "/world/robot/tool\\ 1/sphere",
+    "/world/robot/tool\\ 1/box",
+}
+
+
+def with_robot(episode: Episode) -> Episode:
+    frames = len(episode.time_ns)
+    return replace(episode, header=replace(episode.header, robot=MODEL), robot=track(frames))
+
+
+@pytest.fixture(scope="module")
+def moved(episode: Episode) -> Episode:
+    """The made-up episode with the three-link robot."""
+    return with_robot(episode)
+
+
+# --- rerun ---------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def recorded(moved: Episode, tmp_path_factory: pytest.TempPathFactory) -> tuple[RrdReader, dict[str, list[Chunk]]]:
+    out = tmp_path_factory.mktemp("robot") / "robot.rrd"
+    write_rrd(replace(moved, turntable=0.01 * np.arange(len(moved.time_ns))), [], out)
+    reader = RrdReader(out)
+    chunks: dict[str, list[Chunk]] = {}
+    for chunk in reader.stream():
+        chunks.setdefault(str(chunk.entity_path), []).append(chunk)
+    return reader, chunks
+
+
+def column(chunks: list[Chunk], name: str) -> np.ndarray:
+    tables = [chunk.to_record_batch() for chunk in chunks]
+    return np.array([row for t in tables if name in t.schema.names for row in t.column(name).to_pylist()])
+
+
+def test_a_recording_has_every_link_at_every_frame(recorded, moved: Episode) -> None:
+    _, chunks = recorded
+    assert {path for path in chunks if path.startswith("/world/robot/") and path.count("/") == 4} == SOLIDS
+    assert moved.robot is not None
+    for number, link in enumerate(("base", "arm", "tool\\ 1")):
+        found = chunks[f"/world/robot/{link}"]
+        pose = moved.robot.link_pose[:, number]
+        np.testing.assert_allclose(column(found, "Transform3D:translation")[:, 0], pose[:, :3], atol=1e-6)
+        turn = column(found, "Transform3D:quaternion")[:, 0]
+        np.testing.assert_allclose(turn[:, [3, 0, 1, 2]], pose[:, 3:], atol=1e-6)
+        assert column(found, FRAME).tolist() == list(range(len(moved.time_ns)))
+
+
+def test_a_capsule_begins_at_its_lower_end(recorded) -> None:
+    """rerun's capsule has its origin there; the log's in the middle. This one lies along the link's x from 0 on."""
+    _, chunks = recorded
+    arm = chunks["/world/robot/arm/capsule"]
+    np.testing.assert_allclose(column(arm, "Capsules3D:translations")[0, 0], [0, 0, 0], atol=1e-7)
+    np.testing.assert_allclose(column(arm, "Capsules3D:lengths")[0, 0], REACH, rtol=1e-6)
+    x, y, z, w = column(arm, "Capsules3D:quaternions")[0, 0]
+    np.testing.assert_allclose(rotation_matrices(np.array([w, x, y, z]))[:, 2], [1, 0, 0], atol=1e-6)
+
+
+def test_a_robot_takes_the_schematic_hand_s_place(recorded, moved: Episode) -> None:
+    _, chunks = recorded
+    assert len(moved.gripper.time_ns)
+    assert "/world/gripper" not in chunks
+
+
+def test_joints_and_turntable_have_curves_behind_each_other(recorded) -> None:
+    reader, chunks = recorded
+    np.testing.assert_allclose(column(chunks["/curve/robot/torque"], "Scalars:scalars")[:, 1], 2.5)
+    angle = column(chunks["/curve/turntable"], "Scalars:scalars")[:, 0]
+    np.testing.assert_allclose(angle, np.degrees(0.01 * np.arange(len(angle))))
+    (blueprint,) = reader.blueprints()
+    tables = [chunk.to_record_batch() for chunk in reader.stream(store=blueprint)]
+    name = "ViewBlueprint:display_name"
+    titles = {title for t in tables if name in t.schema.names for (title,) in t.column(name).to_pylist()}
+    assert {"joints [rad]", "speed [rad/s]", "torque [N m]", "turntable [°]", "phases"} <= titles
+
+
+def test_without_a_robot_there_are_no_such_curves(episode: Episode) -> None:
+    assert not any(series.tab for series in episode_series(episode, []))
+
+
+def test_a_minute_with_a_robot_takes_less_than_five_seconds(tmp_path: Path) -> None:
+    """1.2 s on two idle cores for 60 s at 31 frames a second."""
+    short, count = make_episode(frames=60), 1860
+    many = np.resize(np.arange(60), count)
+    long = replace(
+        short,
+        time_ns=np.arange(count) * 32_000_000,
+        pose=short.pose[many],
+        twist=short.twist[many],
+        sim_state=short.sim_state[many],
+        contacts=[short.contacts[k] for k in many],
+        turntable=np.zeros(count),
+    )
+    start = time.perf_counter()
+    write_rrd(with_robot(long), [], tmp_path / "long.rrd")
+    assert time.perf_counter() - start < 5.0
+
+
+# --- solids --------------------------------------------------------------------------------------------------------
+
+R, LENGTH = 0.02, 0.05
+BALL = 4 / 3 * np.pi * R**3
+SHAPES = [
+    ("box", (0.1, 0.02, 0.03), 0.1 * 0.02 * 0.03),
+    ("sphere", (R, 0.0, 0.0), BALL),
+    ("cylinder", (R, LENGTH, 0.0), np.pi * R**2 * LENGTH),
+    ("capsule", (R, LENGTH, 0.0), np.pi * R**2 * LENGTH + BALL),
+]
+
+
+@pytest.mark.parametrize(("shape", "size", "volume"), SHAPES)
+def test_faces_enclose_the_solid_and_point_outwards(shape: str, size: tuple[float, float, float], volume: float):
+    """The divergence theorem: the sum of centre . normal . area / 3 is the volume, less if a face shows its back."""
+    corner, patch = solid_quads(shape, size)
+    faces = Faces(corner, np.zeros((len(patch), 3)), patch)
+    triangles = np.concatenate([corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
+    signed = np.linalg.det(triangles) / 6
+    assert (signed > -1e-15).all()
+    assert 0.95 * volume < signed.sum() <= volume * (1 + 1e-9)
+    assert (np.einsum("fi,fi->f", faces.normals(), corner.mean(axis=1)) > 0).all()
+
+
+def test_an_unknown_shape_is_a_bug() -> None:
+    with pytest.raises(ValueError, match="no solid has the shape 'cone'"):
+        solid_quads("cone", (1.0, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("elevation", [-1.5, -0.4, 0.0, 0.7, 1.5])
+def test_a_ball_is_round_from_every_side(elevation: float) -> None:
+    corner, _ = solid_quads("sphere", (R, 0.0, 0.0))
+    around = np.array(list(product([-R, R], repeat=3)))
+    camera = Camera.fitting(around, 0.3, elevation, distance=np.inf, aspect=1.0)
+    face, _ = rasterise(corner, camera, 200, 200)
+    low, high = camera.window[:2]
+    area = (face != NOTHING).mean() * (high - low) ** 2
+    assert 0.94 * np.pi * R**2 < area < np.pi * R**2
+
+
+def test_solids_move_with_their_links(moved: Episode) -> None:
+    assert moved.robot is not None
+    first, last = (robot_faces(MODEL, moved.robot.link_pose[k]) for k in (0, -1))
+    base = len(solid_quads("box", (1, 1, 1))[0]) + len(solid_quads("cylinder", (1, 1, 0))[0])
+    np.testing.assert_array_equal(first.corner[:base], last.corner[:base])
+    assert first.corner[:base, :, 2].min() == pytest.approx(BASE[2])
+    for faces, pose in ((first, moved.robot.link_pose[0]), (last, moved.robot.link_pose[-1])):
+        tip = pose[2, :3] + rotation_matrices(pose[2, 3:])[:, 0] * 0.05
+        assert np.linalg.norm(faces.corner - tip, axis=-1).min() < 0.01
+
+
+# --- pictures ------------------------------------------------------------------------------------------------------
+
+
+def test_a_picture_changes_where_the_robot_is(moved: Episode, tmp_path: Path) -> None:
+    """The arm is red: its pixels lie where the camera sees its capsule, and nowhere without the robot."""
+    tower = Boxes(moved.pose[60], moved.header.blocks.size, np.zeros((54, 3)))
+    (robot,) = robot_parts(moved, 60)
+    camera = tower_camera([tower, robot])
+    plain, drawn = (
+        render_tower(tmp_path / "t.png", tower.pose, tower.size, target=TARGET, others=o, camera=camera, height=300)
+        for o in ([], [robot])
+    )
+    red = (drawn[..., 0] > 0.4) & (drawn[..., 1] < 0.25 * drawn[..., 0])
+    assert not ((plain[..., 0] > 0.4) & (plain[..., 1] < 0.25 * plain[..., 0])).any()
+    assert red.sum() > 500
+    assert isinstance(robot, Faces)
+    arm = camera.project(robot.corner[(robot.colour[:, 0] > 0.8) & (robot.colour[:, 1] < 0.2)].reshape(-1, 3))
+    u, v = camera.pixel_grid(drawn.shape[1], drawn.shape[0])
+    rows, columns = np.nonzero(red)
+    pixel = u[1] - u[0]
+    assert arm[:, 0].min() - pixel < u[columns].min() < u[columns].max() < arm[:, 0].max() + pixel
+    assert arm[:, 1].min() - pixel < v[rows].min() < v[rows].max() < arm[:, 1].max() + pixel
+
+
+def test_round_sides_have_no_drawn_edges(tmp_path: Path) -> None:
+    """Dark lines stand between patches: from the light's side a ball has none, and a box three about its corner."""
+
+    def darkest(shape: str, size: tuple[float, float, float]) -> float:
+        corner, patch = solid_quads(shape, size)
+        faces = Faces(corner + np.array([0, 0, 0.1]), np.ones((len(patch), 3)), patch)
+        nothing = np.zeros((0, 7)), np.zeros((0, 3))
+        camera = Camera.fitting(faces.corners(), np.radians(231.0), np.radians(55.0), aspect=1.0)
+        image = render_tower(tmp_path / "t.png", *nothing, others=[faces], camera=camera, height=100)
+        return float(image[40:60, 40:60].min())
+
+    assert darkest("sphere", (R, 0.0, 0.0)) > 0.55
+    assert darkest("box", (R, R, R)) < 0.55
+
+
+def test_the_stand_is_a_disc_on_a_column(tmp_path: Path) -> None:
+    """Seen from the side, below the disc: as wide as the column, white beside it, and nothing below the floor."""
+    nothing = np.zeros((0, 7)), np.zeros((0, 3))
+    camera = tower_camera([], elevation=0.05)
+    image = render_tower(tmp_path / "t.png", *nothing, camera=camera, height=240)
+    u, v = camera.pixel_grid(image.shape[1], image.shape[0])
+    row = image[int(np.argmin(np.abs(v - camera.project(np.array([0, 0, -0.045]))[1])))]
+    grey = u[row.max(axis=-1) < 0.65]
+    assert grey.max() - grey.min() == pytest.approx(0.06, rel=0.1)
+    assert TURNTABLE.has_column
+
+
+def test_a_robot_does_not_shrink_the_tower_of_a_film_strip(episode: Episode) -> None:
+    """The strip is framed by the tower; the gripper alone may widen it."""
+    bare = replace(episode, gripper=make_episode(frames=120, robot=False).gripper)
+    assert film_strip(with_robot(bare)).get_size_inches().tolist() == film_strip(bare).get_size_inches().tolist()
+
+
+def test_the_curves_get_a_panel_for_each_of_the_joints_quantities_and_the_turntable(
+    moved: Episode, tmp_path: Path
+) -> None:
+    def height(episode: Episode) -> int:
+        episode_curves(episode, [], tmp_path / "c.png")
+        return matplotlib.image.imread(tmp_path / "c.png").shape[0]
+
+    plain = height(replace(moved, robot=None, header=replace(moved.header, robot=None)))
+    panel = (height(moved) - plain) / 3
+    assert panel == pytest.approx(2.1 * 160, abs=1)
+    turned = replace(moved, turntable=np.linspace(0, 1, len(moved.time_ns)))
+    assert height(turned) - height(moved) == pytest.approx(panel, abs=1)
+
+
+# --- the turntable -------------------------------------------------------------------------------------------------
+
+
+def test_a_turn_of_the_table_moves_no_block(episode: Episode) -> None:
+    """Displacements are those seen from the turntable."""
+    angle = np.linspace(0.0, 3.0, len(episode.time_ns))
+    turned = replace(episode, pose=turn_poses(episode.pose, angle[:, None]), turntable=angle)
+    np.testing.assert_allclose(displacement(turned), displacement(episode), atol=1e-12)
+    forgotten = replace(turned, turntable=np.zeros_like(angle))
+    assert displacement(forgotten).max() > displacement(episode).max() + 0.01
