@@ -96,8 +96,8 @@ class RobotConfig:
     """How far the target is pushed out [m] (paper, section II-A)..."""
     push_tolerance: float = 0.003
     """...and how far it may fall short [m]."""
-    push_force: float = 5.0
-    """The push stops when it takes more [N]: a loose block takes up to 1.5, and tight ones drag their neighbours
+    push_force: float = 3.0
+    """The push stops when it takes more [N]: a loose block takes up to 1.5, and with more a tight one drags what lies on it
     along."""
     arm: ArmConfig = field(default_factory=ArmConfig)
 
