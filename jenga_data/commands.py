@@ -173,7 +173,7 @@ def log() -> dict[str, Verb]:
 
 
 def bench() -> dict[str, Verb]:
-    from jenga_data.collect.config import SelectionConfig
+    from jenga_data.collect.config import ExtractionConfig, SelectionConfig
 
     def sim(
         towers: int = 8,
@@ -200,4 +200,29 @@ def bench() -> dict[str, Verb]:
         text = report.pop("text")
         return Shown(json, report, f"{text}\n{out}")
 
-    return {"sim": sim}
+    def robot(
+        towers: int = 200,
+        config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        workers: int = 2,
+        rounds: MaybeText = None,
+        out: Path = Path("runs/bench-robot"),
+        json: Json = False,
+    ) -> Shown:
+        """What the robot's skills achieve and cost: pushes, grasps, failures, joints, CPU time.
+
+        Args:
+            towers: episodes, each of a tower of its own; one takes about 20 s.
+            seed: below 900000.
+            workers: processes that simulate.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            out: folder of the report; the same command goes on where it was interrupted.
+        """
+        from jenga_data.bench.robot import bench_robot
+        from jenga_data.calibrate.run import Run
+
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        report = bench_robot(Run(towers, seed, workers, out), config)
+        return Shown(json, report, report.pop("text"))
+
+    return {"sim": sim, "robot": robot}

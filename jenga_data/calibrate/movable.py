@@ -27,6 +27,7 @@ from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.servo import BlockServo
 from jenga_data.sim.world import World
 from jenga_data.statistics import Proportion, proportion_over_towers
+from jenga_data.tower import TowerState
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,7 @@ def push_blocks(config: MovableConfig, seed: int, number: int, part: int) -> dic
     """
     rng = episode_rng(seed, number, "movable")
     state, tries = standing_tower(config.spawn, config.physics, 1, rng, name=f"seed {seed}, number {number}")
-    spec = base_spec(config.physics)
-    add_tower(spec, state.blocks, state.pose, target=-1, physics=config.physics)
-    world = World(spec, state.blocks, state.layout)
+    world = _world_of(config, state)
     start = world.integration_state()
     sign = rng.choice([-1.0, 1.0], len(state.blocks))
     blocks = np.array_split(np.arange(len(state.blocks)), PARTS)[part]
@@ -94,6 +93,18 @@ def push_blocks(config: MovableConfig, seed: int, number: int, part: int) -> dic
         "slot": state.layout.slot[blocks].tolist(),
         **{name: [push[name] for push in pushes] for name in pushes[0]},
     }
+
+
+def push_block(config: MovableConfig, state: TowerState, block: int, sign: float) -> dict[str, Any]:
+    """Push one block of a tower that stands, along its own x (`sign` 1) or against it (-1); as `push_blocks`."""
+    world = _world_of(config, state)
+    return _push(world, world.integration_state(), block, sign, config)
+
+
+def _world_of(config: MovableConfig, state: TowerState) -> World:
+    spec = base_spec(config.physics)
+    add_tower(spec, state.blocks, state.pose, target=-1, physics=config.physics)
+    return World(spec, state.blocks, state.layout)
 
 
 def _push(world: World, start: np.ndarray, block: int, sign: float, config: MovableConfig) -> dict[str, Any]:

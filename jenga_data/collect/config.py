@@ -97,8 +97,8 @@ class RobotConfig:
     push_tolerance: float = 0.003
     """...and how far it may fall short [m]."""
     push_force: float = 3.0
-    """The push stops when it takes more [N]: a loose block takes up to 1.5, and with more a tight one drags what lies on it
-    along."""
+    """The push stops when it takes more [N]: a loose block takes up to 1.5, and with more a tight one drags
+    along what lies on it."""
     arm: ArmConfig = field(default_factory=ArmConfig)
 
     def __post_init__(self) -> None:

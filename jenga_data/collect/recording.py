@@ -39,6 +39,8 @@ class Recording:
         self._recorder = recorder
         self._start_ns = world.time_ns
         self._clear: list[bool] = []
+        self.phase_name = ""
+        """The phase that runs."""
         self.poses: list[Float[np.ndarray, "block 7"]] = []
         self._snap()
 
@@ -75,6 +77,8 @@ class Recording:
         return self.world.time_ns - self._start_ns
 
     def phase(self, name: str) -> None:
+        """Begin a phase."""
+        self.phase_name = name
         self._recorder.phase(Phase(self.frame, self.time_ns(), name))
 
     def advance(self, substep: Callable[[int], None], steps: int) -> None:

@@ -1,8 +1,10 @@
 """Extraction rollouts of the whole robot: turn, push with the stick, turn, grasp, pull (paper, section II-A)."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from jenga_data.collect.config import Actor, ExtractionConfig
+from jenga_data.collect.config import NOBODY, Actor, ExtractionConfig
 from jenga_data.collect.extraction import Pull
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recording
@@ -14,11 +16,24 @@ from jenga_data.sim.robot import Robot, add_workplace
 from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.world import World
 
+MakeSkills = Callable[[Robot, Recording, ExtractionConfig], Skills]
+
 
 def run_with_robot(
-    config: ExtractionConfig, seed: int, number: int, stage: Stage, open_log: OpenLog, pull: Pull, actor: Actor
+    config: ExtractionConfig,
+    seed: int,
+    number: int,
+    stage: Stage,
+    open_log: OpenLog,
+    pull: Pull,
+    actor: Actor = NOBODY,
+    make_skills: MakeSkills = Skills,
 ) -> Result:
-    """Run the rollout that begins at `stage`, a tower as it was grown, and log it."""
+    """Run the rollout that begins at `stage`, a tower as it was grown, and log it.
+
+    Args:
+        make_skills: for who wants to watch them.
+    """
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
     add_workplace(spec, config.robot.arm, config.gripper, config.physics)
@@ -28,7 +43,7 @@ def run_with_robot(
 
     with open_log(header, xml_with_start(world.spec, world.data)) as log:
         recording = Recording(world, log, stage.target, robot.state)
-        skills = Skills(robot, recording, config)
+        skills = make_skills(robot, recording, config)
         world.allow_sleep(True)  # nothing touches the tower yet
         try:
             _rollout(skills, recording, robot, stage, pull, config)

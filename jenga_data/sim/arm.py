@@ -22,6 +22,8 @@ _PALM = 0.065
 _MOUNT = -np.pi / 4
 """The hand is turned by this about the flange's axis, as the maker's own [rad]."""
 _TOUCHING = (("link_0", "link_1"), ("link_5", "link_7"), ("link_6", "flange"), ("link_7", "flange"), ("link_7", "hand"))
+_MOVING = 1e-3
+"""A set point that moves slower has no direction [m/s]."""
 _REACHED, _ALIGNED = 2e-5, 2e-4
 """A pose is solved to so many metres and radians."""
 _ITERATIONS = 60
@@ -63,6 +65,7 @@ class Path:
     """What the joints do to take the hand along set points, one a control period."""
 
     point: Float[np.ndarray, "knot 3"]
+    speed: Float[np.ndarray, "knot 3"]
     joint: Float[np.ndarray, "knot 7"]
     velocity: Float[np.ndarray, "knot 7"]
 
@@ -110,7 +113,7 @@ class Kinematics:
                 f"joint {worst + 1} would move at {fastest[k, worst]:.2f} of its speed limit on the way to "
                 f"{_text(point[k])} m; allowed: at most 1"
             )
-        return Path(point, joint, rate)
+        return Path(point, velocity, joint, rate)
 
     def torque(
         self, joint: Float[np.ndarray, "7"], velocity: Float[np.ndarray, "7"], acceleration: Float[np.ndarray, "7"]
@@ -159,8 +162,21 @@ class Arm(Fingers):
         world.data.ctrl[self._drives] = self._kinematics.home
         mujoco.mj_forward(model, world.data)
         self._joints = SetPoint(self._kinematics.home)
-        self.set_point = self.position
+        self._line = SetPoint(self.position)
+
+    @property
+    def set_point(self) -> Float[np.ndarray, "3"]:
         """Where the running period ends [m]."""
+        return self._line.knot
+
+    def error(self, part: float) -> tuple[float, float]:
+        """How far the hand is from where it should be at `part` (0 to 1) of the running period: across its way and
+        along it [m]."""
+        where, velocity, _ = self._line.at(part)
+        off, speed = self.position - where, np.linalg.norm(velocity)
+        along = float(off @ velocity / speed) if speed > _MOVING else 0.0
+        across = off - along * velocity / speed if speed > _MOVING else off
+        return float(np.linalg.norm(across)), abs(along)
 
     def plan(self, point: Float[np.ndarray, "knot 3"], velocity: Float[np.ndarray, "knot 3"]) -> Path:
         """The joints' way from the present set point along others, one a control period.
@@ -173,7 +189,7 @@ class Arm(Fingers):
     def begin_knot(self, path: Path, k: int) -> None:
         """Start the control period that ends at a path's knot."""
         self._joints.begin(path.joint[k], path.velocity[k])
-        self.set_point = path.point[k]
+        self._line.begin(path.point[k], path.speed[k])
 
     def begin(self, displacement: Float[np.ndarray, "3"]) -> None:
         """Start a control period at whose end the set point is to be `displacement` [m] further on.

@@ -33,7 +33,7 @@ def add_fingers(
         "solimp": [_PAD_IMPEDANCE, _PAD_IMPEDANCE, 0.001, 0.5, 2.0],
     }
     behind = wood_contact(physics) if solid else {"contype": 0, "conaffinity": 0}
-    bar = (gripper.finger_length - pad[0]) / 2
+    bar = (gripper.finger_length - pad[0]) / 2  # set back from the tip's face, so that only tips grip
     for name, side in _SIDES:
         finger = hand.add_body(name=f"{name}_finger", pos=[0, side * (gripper.opening / 2 + pad[1]), 0], gravcomp=1)
         finger.add_joint(
@@ -46,7 +46,8 @@ def add_fingers(
             priority=1, **pad_contact,
         )  # fmt: skip
         finger.add_geom(
-            name=f"{name}_bar", type=mujoco.mjtGeom.mjGEOM_BOX, size=[bar, 0.004, pad[2]], pos=[-pad[0] - bar, 0, 0],
+            name=f"{name}_bar", type=mujoco.mjtGeom.mjGEOM_BOX, size=[bar, 0.003, pad[2]],
+            pos=[-pad[0] - bar, side * 0.002, 0],
             mass=0.02, rgba=[*palette.STEEL, 1.0], **behind,
         )  # fmt: skip
         motor = spec.add_actuator(name=f"{name}_finger", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{name}_finger")

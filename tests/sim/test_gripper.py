@@ -147,7 +147,7 @@ def test_fingers_feel_what_contacts_say_of_them(grasp):
 
 def test_fingers_stay_as_far_from_the_middle_as_each_other(grasp):
     """Pushed at from one side, they do not slide along: the hand carries the block sideways."""
-    world, gripper, target = grasp
+    world, gripper, _ = grasp
     run(gripper, world, np.array([[0, 0.0005, 0]] * 2 + [[0, 0, 0]]))
     fingers = [world.data.joint(f"{side}_finger").qpos[0] for side in ("left", "right")]
     np.testing.assert_allclose(fingers[0], fingers[1], atol=5e-5)
