@@ -52,12 +52,14 @@ def collect() -> dict[str, Verb]:
         episodes: int,
         out: Path,
         config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
+        robot: Annotated[bool, tyro.conf.arg(name="robot", help="short for --body robot")] = False,
+        only_gripper: Annotated[bool, tyro.conf.arg(name="gripper", help="short for --body gripper")] = False,
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
         json: Json = False,
     ) -> Shown:
-        """Pull random legal blocks with a gripper over 51 actions: data for the dynamics model.
+        """Push random legal blocks out and pull them over 51 actions with the robot: data for the dynamics model.
 
         Args:
             episodes: rollouts in all, those that OUT holds already included.
@@ -66,6 +68,10 @@ def collect() -> dict[str, Verb]:
             workers: processes that simulate; their number changes nothing but the time.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
         """
+        if robot and only_gripper:
+            raise JengaError("--robot and --gripper exclude each other; allowed: one of them")
+        if robot or only_gripper:
+            config = replace(config, body="robot" if robot else "gripper")
         return run(config, episodes, out, seed, workers, rounds, json)
 
     return {"selection": selection, "extraction": extraction}

@@ -14,3 +14,7 @@ class CheckFailed(JengaError):
     """The input could be read, and what it says did not pass: damaged files, hashes that differ."""
 
     exit_code = 1
+
+
+class UnreachableError(JengaError):
+    """The arm cannot take the hand there, or not so fast."""

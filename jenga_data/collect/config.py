@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 
 from jenga_data.errors import JengaError
-from jenga_data.sim.physics import GripperConfig, PhysicsConfig
+from jenga_data.sim.physics import ArmConfig, GripperConfig, PhysicsConfig
 
 LAST_ROUND = 15
 """The paper spawns towers between rounds 1 and 15 (section II-A)."""
@@ -81,8 +81,43 @@ class SelectionConfig:
 
 
 @dataclass(frozen=True)
+class RobotConfig:
+    """How the robot does what comes before and after the pull."""
+
+    speed: float = 0.4
+    """Of the hand on its way through the air [m/s]; the maker's limit is 1.7."""
+    acceleration: float = 3.0
+    """Most of the hand there [m/s^2]; the maker's limit is 13."""
+    approach_speed: float = 0.15
+    """Of the hand near the tower [m/s]."""
+    push_speed: float = 0.05
+    """Of the stick against the target [m/s]."""
+    push_distance: float = 0.02
+    """How far the target is pushed out [m] (paper, section II-A)..."""
+    push_tolerance: float = 0.003
+    """...and how far it may fall short [m]."""
+    push_force: float = 3.0
+    """The push stops when it takes more [N]: a loose block takes up to 1.5, and with more a tight one drags what lies on it
+    along."""
+    arm: ArmConfig = field(default_factory=ArmConfig)
+
+    def __post_init__(self) -> None:
+        if min(self.speed, self.acceleration, self.approach_speed, self.push_speed, self.push_force) <= 0:
+            raise JengaError("the robot's speeds, acceleration and push-force must be positive")
+        if not 0 < self.push_tolerance < self.push_distance <= 0.03:
+            raise JengaError(
+                f"push-distance {self.push_distance}, push-tolerance {self.push_tolerance}; "
+                "allowed: 0 < push-tolerance < push-distance <= 0.03"
+            )
+
+
+@dataclass(frozen=True)
 class ExtractionConfig:
     """A pull by a gripper over T actions, each a displacement of the end effector (paper, section II-C)."""
+
+    body: str = "robot"
+    """What pulls: "robot", an arm that first turns the table and pushes the target out with a stick, or "gripper", a
+    hand without an arm in front of a target that sticks out already."""
 
     slowest: float = 0.001
     """Each episode draws its mean displacement a step along -x log-uniformly between this [m]..."""
@@ -93,14 +128,17 @@ class ExtractionConfig:
     side: float = 0.001
     """Displacements along y and z are uniform within this [m]; the paper's 0.1 cm."""
     sticks_out: float = 0.02
-    """How far the target sticks out at -x before it is grasped [m]."""
+    """How far the target sticks out at -x before it is grasped [m], where no robot pushes it out."""
     spawn: SpawnConfig = field(default_factory=SpawnConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
     gripper: GripperConfig = field(default_factory=GripperConfig)
+    robot: RobotConfig = field(default_factory=RobotConfig)
 
     kind = "extraction"
 
     def __post_init__(self) -> None:
+        if self.body not in ("robot", "gripper"):
+            raise JengaError(f"body is {self.body!r}; allowed: robot, gripper")
         if not 0 < self.slowest <= self.fastest <= 0.02:
             raise JengaError(f"slowest {self.slowest}, fastest {self.fastest}; allowed: 0 < slowest <= fastest <= 0.02")
 

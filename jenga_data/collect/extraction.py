@@ -8,13 +8,14 @@ from jaxtyping import Float
 
 from jenga_data.collect.config import NOBODY, PULL_FRAMES, Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
-from jenga_data.collect.observe import observe
+from jenga_data.collect.observe import let_sleep, observe
 from jenga_data.collect.recording import Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.episode import Result
-from jenga_data.sim.gripper import Gripper
-from jenga_data.sim.scene import add_gripper, add_tower, base_spec, xml_with_start
+from jenga_data.errors import UnreachableError
+from jenga_data.sim.gripper import Gripper, add_gripper
+from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.world import World
 from jenga_data.tower import TowerState
 
@@ -26,9 +27,19 @@ LIMITS = np.array([0.02, 0.001, 0.001])
 _APPROACH = 0.04
 _APPROACH_FRAMES = 10
 _GRASP_FRAMES = 8
-_SLIP = 0.005
+SLIP = 0.005
+"""What moves by more in the fingers is not held [m]."""
 _AWAY = 0.05
 """A controller stops when the target is clear by so much [m]: nothing can fall onto it."""
+
+
+@runtime_checkable
+class Hand(Protocol):
+    """What pulls: a gripper that floats, or an arm's."""
+
+    @property
+    def position(self) -> Float[np.ndarray, "3"]: ...
+    def begin(self, displacement: Float[np.ndarray, "3"]) -> None: ...
 
 
 @runtime_checkable
@@ -74,6 +85,17 @@ def run_extraction(
     """
     stage = set_stage(config, seed, number)
     puller = policy or RandomPull(config, episode_rng(seed, number, "policy"))
+    pull = Pull(puller, all_actions=policy is None)
+    if config.body == "robot":
+        from jenga_data.collect.robot_extraction import run_with_robot  # loads inverse kinematics
+
+        return run_with_robot(config, seed, number, stage, open_log, pull, actor)
+    return _run_with_gripper(config, seed, number, stage, open_log, pull, actor)
+
+
+def _run_with_gripper(
+    config: ExtractionConfig, seed: int, number: int, stage: Stage, open_log: OpenLog, pull: "Pull", actor: Actor
+) -> Result:
     world, gripper = _scene(config, stage)
     steps = config.physics.steps_a_frame
     header = header_of(config, seed, number, stage, actor)
@@ -85,7 +107,7 @@ def run_extraction(
             gripper.drive((i + 1) / steps)
             world.step()
             if (i + 1) % config.physics.steps_a_touch == 0:
-                recording.gripper(gripper.sample(recording.time_ns(), world.contacts()))
+                recording.gripper(gripper.sample(recording.time_ns()))
 
         def hold(i: int) -> None:
             if i == 0:
@@ -109,7 +131,7 @@ def run_extraction(
         world.allow_sleep(False)
         if not cause:
             recording.phase("pull")
-            cause = _pull(recording, gripper, puller, substep, steps, past_clear=policy is None)
+            cause = pull.run(recording, gripper, substep, steps)
         recording.phase("observe")
         observe(recording, config.physics, hold)
         return recording.finish(cause)
@@ -129,23 +151,41 @@ def _scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Gripper]:
 def _holds(recording: Recording, gripper: Gripper) -> bool:
     """Whether the fingers are as far apart as the target is wide: on it, and not on air or on two blocks."""
     width = recording.world.blocks.size[recording.target, 1]
-    return bool(abs(gripper.width - width) < _SLIP)
+    return bool(abs(gripper.width - width) < SLIP)
 
 
-def _pull(
-    recording: Recording, gripper: Gripper, policy: Policy, substep: Callable[[int], None], steps: int, past_clear: bool
-) -> str:
-    """Execute the policy's T actions; stops when the tower has collapsed, and unless `past_clear` when the target is
-    well clear of it. Returns the cause of a failed pull."""
-    held = recording.poses[-1][recording.target, :3] - gripper.position
-    action = np.zeros(3)
-    for _ in range(PULL_FRAMES):
-        if recording.has_collapsed() or (not past_clear and recording.distance_clear() > _AWAY):
-            break
-        action = executable(policy.act(recording.world.tower_state(), recording.target), action)
-        before, frame = gripper.position, recording.frame
-        gripper.begin(action)
-        recording.advance(substep, steps)
-        recording.action(frame, action, gripper.position - before)
-    slip = recording.poses[-1][recording.target, :3] - gripper.position - held
-    return "slipped" if np.linalg.norm(slip) > _SLIP else ""
+class Pull:
+    """T actions of a policy, one a control step.
+
+    It ends when the tower has collapsed or the target is well clear of it; `all_actions` makes them all, the hand at
+    rest once the target is clear.
+    """
+
+    def __init__(self, policy: Policy, all_actions: bool) -> None:
+        self._policy = policy
+        self._all = all_actions
+
+    def run(self, recording: Recording, hand: Hand, substep: Callable[[int], None], steps: int) -> str:
+        """Execute the actions; returns the cause of a pull that went wrong."""
+        held = recording.poses[-1][recording.target, :3] - hand.position
+        action = np.zeros(3)
+        for _ in range(PULL_FRAMES):
+            away = recording.distance_clear() > _AWAY
+            if recording.has_collapsed() or (away and not self._all):
+                break
+            wanted = self._policy.act(recording.world.tower_state(), recording.target)
+            action = executable(np.zeros(3) if away else wanted, action)
+            before, frame = hand.position, recording.frame
+            try:
+                hand.begin(action)
+            except UnreachableError:
+                return "out_of_reach"
+            recording.advance(substep, steps)
+            recording.action(frame, action, hand.position - before)
+            if recording.clear_frame() >= 0:
+                let_sleep(recording)
+        slip = recording.poses[-1][recording.target, :3] - hand.position - held
+        if np.linalg.norm(slip) > SLIP:
+            return "slipped"
+        stopped = recording.has_collapsed() or recording.clear_frame() >= 0
+        return "" if stopped else "out_of_time"

@@ -6,8 +6,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Float
 
-from jenga_data.episode import CONTROL_STEP_NS, Action, Frame, GripperSample, Phase, Result
-from jenga_data.geometry import clear_of_others
+from jenga_data.episode import CONTROL_STEP_NS, Action, Frame, GripperSample, Phase, Result, RobotState
+from jenga_data.geometry import clear_of_others, in_table_frame
 from jenga_data.outcome import THRESHOLDS, Verdict, collapsed, judge
 from jenga_data.sim.world import World
 
@@ -26,9 +26,16 @@ class Recorder(Protocol):
 class Recording:
     """Counts the frames of one world, hands each to the recorder and keeps what the verdict needs."""
 
-    def __init__(self, world: World, recorder: Recorder, target: int) -> None:
+    def __init__(
+        self, world: World, recorder: Recorder, target: int, robot: Callable[[], RobotState] | None = None
+    ) -> None:
+        """Args:
+        robot: gives the robot's present state, where there is one.
+        """
         self.world = world
         self.target = target
+        self._robot = robot
+        self._table = [world.table_angle]
         self._recorder = recorder
         self._start_ns = world.time_ns
         self._clear: list[bool] = []
@@ -84,7 +91,11 @@ class Recording:
         self._recorder.gripper(sample)
 
     def verdict(self) -> Verdict:
-        return judge(np.stack(self.poses), self.world.blocks.size, self.target, CONTROL_STEP_NS * 1e-9)
+        pose = np.stack(self.poses)
+        turned = np.array(self._table) - self._table[0]
+        if turned.any() and np.isfinite(pose).all():
+            pose = in_table_frame(pose, turned)
+        return judge(pose, self.world.blocks.size, self.target, CONTROL_STEP_NS * 1e-9)
 
     def finish(self, cause: str = "") -> Result:
         result = Result(self.verdict(), cause)
@@ -95,8 +106,13 @@ class Recording:
         pose = self.world.pose
         with np.errstate(all="ignore"):  # broken physics give numbers beyond all bounds; the verdict says so
             clear = bool(clear_of_others(pose, self.world.blocks.size, self.target))
-            twist, contacts = self.world.twist, self.world.contacts()
+            twist, self.contacts = self.world.twist, self.world.contacts()
         self.poses.append(pose)
         self._clear.append(clear)
-        state = self.world.integration_state()
-        self._recorder.frame(Frame(self.frame, self.time_ns(), pose, twist, contacts, state))
+        if len(self.poses) > 1:
+            self._table.append(self.world.table_angle)
+        state, robot = self.world.integration_state(), self._robot and self._robot()
+        turned = self._table[-1] - self._table[0]
+        self._recorder.frame(
+            Frame(self.frame, self.time_ns(), pose, twist, self.contacts, state, turned, robot or None)
+        )

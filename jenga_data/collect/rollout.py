@@ -11,13 +11,15 @@ from pathlib import Path
 from jenga_data.collect.config import NOBODY, Actor, CollectConfig, episode_key, recipe
 from jenga_data.collect.recording import Recorder
 from jenga_data.collect.stage import Stage
-from jenga_data.episode import EpisodeHeader
+from jenga_data.episode import EpisodeHeader, RobotModel
 
 OpenLog = Callable[[EpisodeHeader, str], AbstractContextManager[Recorder]]
 """Opens the log of one episode, given its header and the scene's MJCF."""
 
 
-def header_of(config: CollectConfig, seed: int, number: int, stage: Stage, actor: Actor = NOBODY) -> EpisodeHeader:
+def header_of(
+    config: CollectConfig, seed: int, number: int, stage: Stage, actor: Actor = NOBODY, robot: RobotModel | None = None
+) -> EpisodeHeader:
     """The header of the episode that starts from `stage`."""
     return EpisodeHeader(
         key=episode_key(config, seed, number, actor),
@@ -32,6 +34,7 @@ def header_of(config: CollectConfig, seed: int, number: int, stage: Stage, actor
         config=recipe(config, actor),
         checkpoint=actor.checkpoint,
         provenance=provenance() | {"spawn_tries": str(stage.tries)},
+        robot=robot,
     )
 
 

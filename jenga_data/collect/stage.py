@@ -20,7 +20,8 @@ from jenga_data.tower import Layout, TowerState, quarter_turns_for
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """A standing tower, turned, with the target chosen. `tries` counts the towers it took."""
+    """A standing tower with the target chosen. `turn` is the number of quarter turns that bring `face` of the target
+    to -x, made already or yet to be made; `tries` counts the towers it took."""
 
     state: TowerState
     target: int
@@ -46,7 +47,8 @@ class Stage:
 def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
     """Grow towers of a random round until one stands in the simulator, with a legal target and its face drawn.
 
-    For an extraction the target then sticks out at the face that will be pulled, as after a push from behind.
+    A robot finds the tower as it was grown. Without one the target is turned along x, and where a gripper is to pull
+    it sticks out at the face that will be pulled, as after a push from behind.
 
     Raises:
         JengaError: no tower stood in `spawn.tries` tries.
@@ -59,7 +61,7 @@ def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
     def prepare(grown: GrownTower) -> GrownTower | None:
         target, face = int(choice.choice(grown.layout.legal_targets())), int(choice.integers(2))
         chosen.append((target, face))
-        if isinstance(config, ExtractionConfig):
+        if isinstance(config, ExtractionConfig) and config.body == "gripper":
             return shifted(grown, target, config.sticks_out * (1 if face else -1), config.physics.contact_law)
         return grown
 
@@ -71,7 +73,10 @@ def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
         prepare,
         f"seed {seed}, number {number}",
     )
-    return Stage.of(state, *chosen[-1], tries)
+    target, face = chosen[-1]
+    if isinstance(config, ExtractionConfig) and config.body == "robot":
+        return Stage(state, target, quarter_turns_for(state.layout, target, face), face, tries)
+    return Stage.of(state, target, face, tries)
 
 
 def standing_tower(

@@ -20,7 +20,7 @@ class PhysicsConfig:
     """MuJoCo integrator: discrete or implicitfast."""
     impratio: float = 5.0
     """Ratio of frictional to normal constraint impedance; higher creeps less."""
-    friction: float = 0.36
+    friction: float = 0.3
     """Sliding friction of wood on wood and on the table; public simulators use 0.3 to 0.5."""
     time_constant: float = 0.004
     """Time constant of a contact [s], MuJoCo's solref[0]."""
@@ -81,9 +81,28 @@ class GripperConfig:
     """Fingertip size along x, y, z [m]: shorter than the 2 cm that stick out, lower than a block."""
     opening: float = 0.034
     """Distance between the open fingertips [m]."""
+    finger_length: float = 0.06
+    """From the middle of the fingertips to the palm [m]: what reaches over the turntable."""
+    finger_damping: float = 40.0
+    """Of each finger's slide [N s/m]: with all its force it closes at 0.4 m/s."""
     stiffness: float = 2.0e4
     """Position stiffness of the slides that carry the hand [N/m]."""
     force_limit: float = 60.0
     """Largest force of each slide [N]."""
     mass: float = 0.7
     """Mass of the hand [kg], as a Franka hand's."""
+
+
+@dataclass(frozen=True)
+class ArmConfig:
+    """Where the arm stands. Its base is beside the line of the pull: so the hand can point along +x at any height."""
+
+    base: tuple[float, float, float] = (-0.35, -0.5, -0.08)
+    """The foot, on the table [m]."""
+    yaw: float = 1.5707963267948966
+    """The base's heading [rad]: along +y."""
+    home: tuple[float, float, float] = (-0.32, -0.16, 0.06)
+    """Where the hand is at first [m]."""
+    posture: tuple[float, float, float, float, float, float, float] = (0.1, 0.1, -0.1, -2.2, -1.4, 1.6, 1.7)
+    """Joint angles [rad]; of all postures for a place of the hand the one near this is taken. With them every joint
+    stays 45 degrees or more from its limits in the whole workspace."""

@@ -1,4 +1,4 @@
-"""The scene as an MjSpec: table, turntable, tower, and a free-floating gripper."""
+"""The scene as an MjSpec: table, turntable and tower."""
 
 import mujoco
 import numpy as np
@@ -6,11 +6,8 @@ from jaxtyping import Float
 
 from jenga_data import palette
 from jenga_data.blocks import Blocks
-from jenga_data.sim.physics import GripperConfig, PhysicsConfig
-
-TURNTABLE_RADIUS = 0.12
-TABLE_TOP = 0.0
-"""The tower's bottom stands at z = 0."""
+from jenga_data.scenery import COLUMN_RADIUS, TABLE_CENTRE, TABLE_SIZE, TABLE_TOP, TURNTABLE_HEIGHT, TURNTABLE_RADIUS
+from jenga_data.sim.physics import PhysicsConfig
 
 TOP = "_top"
 """Ends the name of a wedge's upper half."""
@@ -22,14 +19,13 @@ _DRIVE_STIFFNESS = 4e3
 _DRIVE_INERTIA = 0.025
 """What the drive's rotor weighs behind its gear [kg m^2], as much as the disc. Together they are fifty times as heavy
 as a tower, and still slow enough for the physics step: their frequency on the drive is 280 rad/s."""
-_PAD_IMPEDANCE = 0.999
-"""Of a fingertip's contact: stiffer than wood on wood, so that what is held does not creep out of the hand."""
 
 
 def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
     """An empty table with the solver settings."""
     spec = mujoco.MjSpec()
     spec.modelname = "jenga"
+    spec.compiler.degree = False
     option = spec.option
     option.timestep = physics.timestep_ns * 1e-9
     option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -46,8 +42,12 @@ def base_spec(physics: PhysicsConfig) -> mujoco.MjSpec:
     spec.visual.headlight.ambient = [0.4, 0.4, 0.4]
     spec.worldbody.add_light(pos=[-0.5, -0.5, 1.5], dir=[0.3, 0.3, -1.0])
     spec.worldbody.add_geom(
-        name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.6, 0.02], pos=[0, 0, TABLE_TOP - 0.03],
-        rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
+        name="table", type=mujoco.mjtGeom.mjGEOM_BOX, size=np.array(TABLE_SIZE) / 2,
+        pos=TABLE_CENTRE, rgba=[*palette.TABLE, 1.0], **wood_contact(physics),
+    )  # fmt: skip
+    spec.worldbody.add_geom(
+        name="column", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[COLUMN_RADIUS, 0, 0],
+        fromto=[0, 0, TABLE_TOP, 0, 0, -TURNTABLE_HEIGHT], rgba=_STEEL, contype=0, conaffinity=0,
     )  # fmt: skip
     _add_turntable(spec, physics)
     return spec
@@ -60,8 +60,8 @@ def _add_turntable(spec: mujoco.MjSpec, physics: PhysicsConfig) -> None:
     body.sleep = mujoco.mjtSleepPolicy.mjSLEEP_ALLOWED
     body.add_joint(name="turntable", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], armature=_DRIVE_INERTIA)
     body.add_geom(
-        name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, 0.005, 0],
-        pos=[0, 0, TABLE_TOP - 0.005], mass=_TURNTABLE_MASS, rgba=_STEEL, **wood_contact(physics),
+        name="turntable", type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=[TURNTABLE_RADIUS, TURNTABLE_HEIGHT / 2, 0],
+        pos=[0, 0, -TURNTABLE_HEIGHT / 2], mass=_TURNTABLE_MASS, rgba=_STEEL, **wood_contact(physics),
     )  # fmt: skip
     drive = spec.add_actuator(name="turntable", trntype=mujoco.mjtTrn.mjTRN_JOINT, target="turntable")
     drive.set_to_position(kp=_DRIVE_STIFFNESS, kv=2 * np.sqrt(_DRIVE_STIFFNESS * _DRIVE_INERTIA))
@@ -111,53 +111,6 @@ def _add_wedge(
         name=f"{name}{TOP}", type=mujoco.mjtGeom.mjGEOM_BOX, size=half, pos=[0, 0, half[2]],
         quat=[np.cos(tilt / 2), 0, np.sin(tilt / 2), 0], mass=mass / 2, **look,
     )  # fmt: skip
-
-
-def add_gripper(
-    spec: mujoco.MjSpec, position: Float[np.ndarray, "3"], gripper: GripperConfig, physics: PhysicsConfig
-) -> None:
-    """Add a hand that points along +x, its fingertips open around `position` (the point between them)."""
-    hand = spec.worldbody.add_body(name="hand", pos=position, gravcomp=1)
-    damping = 2 * np.sqrt(gripper.stiffness * gripper.mass)
-    for axis, name in enumerate("xyz"):
-        hand.add_joint(name=f"hand_{name}", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[float(axis == k) for k in range(3)])
-        drive = spec.add_actuator(name=f"hand_{name}", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"hand_{name}")
-        drive.set_to_position(kp=gripper.stiffness, kv=damping)
-        drive.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-        drive.forcerange = [-gripper.force_limit, gripper.force_limit]
-    visual = {"contype": 0, "conaffinity": 0}
-    hand.add_geom(
-        name="palm", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.03, 0.05, 0.02], pos=[-0.075, 0, 0],
-        mass=gripper.mass, rgba=_STEEL, **visual,
-    )  # fmt: skip
-    hand.add_site(name="grasp")
-    pad = np.array(gripper.pad) / 2
-    pad_contact = wood_contact(physics) | {
-        "friction": [gripper.finger_friction, 0.01, 0.0001],
-        "solimp": [_PAD_IMPEDANCE, _PAD_IMPEDANCE, 0.001, 0.5, 2.0],
-    }
-    for name, side in (("left", 1.0), ("right", -1.0)):
-        finger = hand.add_body(name=f"{name}_finger", pos=[0, side * (gripper.opening / 2 + pad[1]), 0], gravcomp=1)
-        finger.add_joint(
-            name=f"{name}_finger", type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0], range=[0, gripper.opening / 2],
-            limited=mujoco.mjtLimited.mjLIMITED_TRUE, damping=5.0,
-            solimp_limit=[0.99, 0.999, 0.001, 0.5, 2.0],
-        )  # fmt: skip
-        finger.add_geom(
-            name=f"{name}_pad", type=mujoco.mjtGeom.mjGEOM_BOX, size=pad, mass=0.02, rgba=[*palette.RUBBER, 1.0],
-            priority=1, **pad_contact,
-        )  # fmt: skip
-        finger.add_geom(
-            name=f"{name}_link", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.0225, 0.004, 0.006], pos=[-0.03, 0, 0],
-            mass=0.02, rgba=_STEEL, **visual,
-        )  # fmt: skip
-        motor = spec.add_actuator(name=f"{name}_finger", trntype=mujoco.mjtTrn.mjTRN_JOINT, target=f"{name}_finger")
-        motor.set_to_motor()
-        motor.ctrlrange = [-gripper.grip_force, gripper.grip_force]
-        motor.ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
-    # Fingers that close on nothing stop at their joints' ends: thrown through each other, they would be held apart
-    # from the wrong side.
-    spec.add_exclude(name="fingers", bodyname1="left_finger", bodyname2="right_finger")
 
 
 def xml_with_start(spec: mujoco.MjSpec, data: mujoco.MjData) -> str:

@@ -14,8 +14,8 @@ from jaxtyping import Float
 
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.friction import friction_share
+from jenga_data.scenery import TURNTABLE_RADIUS
 from jenga_data.sim.physics import PhysicsConfig
-from jenga_data.sim.scene import TURNTABLE_RADIUS
 from jenga_data.sim.world import World
 from jenga_data.statics import PlanarPose, solve
 from jenga_data.tower import TowerState, turn_poses
@@ -66,7 +66,7 @@ class Turntable:
     @property
     def angle(self) -> float:
         """[rad]"""
-        return float(self._world.data.qpos[self._joint.qposadr[0]])
+        return self._world.table_angle
 
     @property
     def set_point(self) -> float:
@@ -76,10 +76,10 @@ class Turntable:
     def turn(self, angle: float, seconds: float = TURN_SECONDS) -> Iterator[None]:
         """Turn table and tower by `angle` [rad], one physics step each time the iterator is asked.
 
-        A step steps the world, so that whatever is awake moves on; then it puts table and blocks where the profile
-        has them at that time, rotated from where they were at the start. The state is that of a table which turns:
-        poses, twists, and a set point whose drive keeps up the motion's acceleration. After the last step all is at
-        rest and asleep, and the drive holds the new angle. With `Recording.advance`:
+        A step steps the world, so that whatever is awake moves on; at the end of every control step table and blocks
+        are put where the profile has them then, rotated from where they were at the start. The state is that of a
+        table which turns: poses, twists, and a set point whose drive keeps up the motion's acceleration. After the
+        last step all is at rest and asleep, and the drive holds the new angle. With `Recording.advance`:
 
             motion = turntable.turn(np.pi)
             for _ in range(whole_frames(TURN_SECONDS)):
@@ -107,9 +107,13 @@ class Turntable:
         pose, table, set_point = world.pose, self.angle, self.set_point
         timestep = world.model.opt.timestep
         count = round(profile.seconds / timestep)
+        every = round(CONTROL_STEP_NS * 1e-9 / timestep)
         for k in range(1, count + 1):
             world.halt()
             world.step()
+            if k % every:
+                yield
+                continue
             if awake := world.awake_blocks:
                 raise ValueError(f"blocks {awake} were woken while the table turned: something touched them")
             angle, rate, acceleration = profile.at(k / count * profile.seconds)

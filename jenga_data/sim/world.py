@@ -1,6 +1,7 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
 
 import mujoco
@@ -11,7 +12,7 @@ from jenga_data.blocks import Blocks
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Contacts
 from jenga_data.geometry import rotation_matrices
 from jenga_data.sim.scene import TOP
-from jenga_data.tower import Layout, TowerState
+from jenga_data.tower import Layout, TowerState, turn_poses
 
 _SLEEP = int(mujoco.mjtEnableBit.mjENBL_SLEEP)
 _DERIVED = (
@@ -20,6 +21,26 @@ _DERIVED = (
 )  # fmt: skip
 """What `mj_kinematics` and `mj_comPos` make of the positions of bodies and geoms."""
 STATE_SPEC = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+
+
+_SAME_PLACE = 1e-9
+"""What sleeps and has moved by less [m] has not moved."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Resting:
+    """The contacts of what sleeps, as they were when the turntable was at `table` [rad]."""
+
+    asleep: Bool[np.ndarray, " block"]
+    pose: Float[np.ndarray, "sleeper 7"]
+    table: float
+    contacts: Contacts
+
+    def turned(self, angle: float) -> Contacts:
+        """What they are now that all of it was turned rigidly."""
+        cos, sin = np.cos(angle), np.sin(angle)
+        force = self.contacts.force @ np.array([[cos, sin, 0.0], [-sin, cos, 0.0], [0.0, 0.0, 1.0]])
+        return Contacts(self.contacts.first, self.contacts.second, force if angle else self.contacts.force)
 
 
 class World:
@@ -38,7 +59,7 @@ class World:
         self._tree = self.model.body_treeid[[self.model.body(f"block_{i}").id for i in range(len(blocks))]]
         self._geom_id = _ids_of_geoms(self.model)
         self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
-        self._rest: tuple[np.ndarray, np.ndarray, Contacts] | None = None
+        self._rest: _Resting | None = None
 
     def step(self, count: int = 1) -> None:
         mujoco.mj_step(self.model, self.data, nstep=count)
@@ -74,6 +95,11 @@ class World:
     @property
     def pose(self) -> Float[np.ndarray, "block 7"]:
         return self.data.qpos[self._qpos].copy()
+
+    @property
+    def table_angle(self) -> float:
+        """Of the turntable [rad]."""
+        return float(self.data.joint("turntable").qpos[0])
 
     @property
     def twist(self) -> Float[np.ndarray, "block 6"]:
@@ -145,12 +171,16 @@ class World:
 
     def _resting_contacts(self, asleep: Bool[np.ndarray, " block"]) -> Contacts:
         """Contacts between sleeping blocks and with the table, computed once for each time that they fall asleep."""
-        where = self.pose[asleep]
-        if self._rest is None or not (np.array_equal(self._rest[0], asleep) and np.array_equal(self._rest[1], where)):
-            every = self._contacts(self._awake())
-            among = asleep[every.first] & np.where(every.second >= 0, asleep[every.second], every.second == TABLE)
-            self._rest = asleep, where, Contacts(every.first[among], every.second[among], every.force[among])
-        return self._rest[2]
+        table, where = self.table_angle, self.pose[asleep]
+        if self._rest is not None and np.array_equal(self._rest.asleep, asleep):
+            angle = table - self._rest.table
+            if np.allclose(turn_poses(self._rest.pose, angle)[:, :3], where[:, :3], rtol=0, atol=_SAME_PLACE):
+                return self._rest.turned(angle)
+        every = self._contacts(self._awake())
+        among = asleep[every.first] & np.where(every.second >= 0, asleep[every.second], every.second == TABLE)
+        found = Contacts(every.first[among], every.second[among], every.force[among])
+        self._rest = _Resting(asleep, where, table, found)
+        return found
 
     def _awake(self) -> mujoco.MjData:
         """This moment, computed with nothing asleep."""
@@ -195,7 +225,7 @@ class World:
 
 def _ids_of_geoms(model: mujoco.MjModel) -> np.ndarray:
     names = [model.geom(i).name for i in range(model.ngeom)]
-    special = {"table": TABLE, "turntable": TABLE, "left_pad": LEFT_FINGER, "right_pad": RIGHT_FINGER}
+    special = {"table": TABLE, "turntable": TABLE, "tray": TABLE, "left_pad": LEFT_FINGER, "right_pad": RIGHT_FINGER}
     return np.array(
         [
             int(n.removeprefix("block_").removesuffix(TOP)) if n.startswith("block_") else special.get(n, ROBOT)

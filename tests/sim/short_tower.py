@@ -12,8 +12,9 @@ from jenga_data.collect.rollout import OpenLog
 from jenga_data.collect.spawn import GrownTower, grow_tower
 from jenga_data.collect.workers import run_one
 from jenga_data.episode import Result
+from jenga_data.sim.gripper import add_gripper
 from jenga_data.sim.physics import GripperConfig, PhysicsConfig
-from jenga_data.sim.scene import add_gripper, add_tower, base_spec
+from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
 
 LEVELS = 4

@@ -5,9 +5,10 @@ import pytest
 from short_tower import PHYSICS, short_tower, world_of
 
 from jenga_data.collect.spawn import GrownTower, shifted
-from jenga_data.episode import Contacts
-from jenga_data.sim.gripper import PERIOD, Gripper
+from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER
+from jenga_data.sim.gripper import Gripper
 from jenga_data.sim.physics import GripperConfig
+from jenga_data.sim.set_point import PERIOD
 from jenga_data.sim.world import World
 
 CONFIG = GripperConfig()
@@ -114,7 +115,7 @@ def test_a_steady_hand_does_not_lag():
 def test_an_open_hand_is_as_wide_as_it_opens_and_feels_nothing():
     world, gripper = hand()
     run(gripper, world, np.zeros((3, 3)))
-    sample = gripper.sample(0, world.contacts())
+    sample = gripper.sample(0)
     assert gripper.width == pytest.approx(CONFIG.opening, abs=5e-4)
     assert sample.width == gripper.width
     assert not sample.left_force.any()
@@ -125,7 +126,7 @@ def test_an_open_hand_is_as_wide_as_it_opens_and_feels_nothing():
 def test_closed_fingers_are_a_block_apart_and_feel_the_grip(grasp):
     """The block pushes the left finger, which is at +y, in +y, and the right one in -y."""
     world, gripper, target = grasp
-    sample = gripper.sample(7, world.contacts())
+    sample = gripper.sample(7)
     assert sample.time_ns == 7
     assert gripper.width == pytest.approx(world.blocks.size[target, 1], abs=1e-3)
     assert sample.left_force[1] == pytest.approx(CONFIG.grip_force, rel=0.05)
@@ -134,13 +135,23 @@ def test_closed_fingers_are_a_block_apart_and_feel_the_grip(grasp):
     assert np.abs((sample.left_force + sample.right_force)[:2]).max() < 2
 
 
-def test_fingers_feel_what_contacts_say_of_them():
-    gripper = hand()[1]
-    force = np.arange(12.0).reshape(4, 3)
-    contacts = Contacts(np.array([1, 1, 2, 1]), np.array([-2, -3, -2, -1]), force)
-    sample = gripper.sample(0, contacts)
-    np.testing.assert_array_equal(sample.left_force, -(force[0] + force[2]))
-    np.testing.assert_array_equal(sample.right_force, -force[1])
+def test_fingers_feel_what_contacts_say_of_them(grasp):
+    """The contacts' forces are those on the block; the gripper's frame has the world's axes."""
+    world, gripper, _ = grasp
+    contacts, sample = world.contacts(), gripper.sample(0)
+    for finger, force in ((LEFT_FINGER, sample.left_force), (RIGHT_FINGER, sample.right_force)):
+        on_block = contacts.force[contacts.second == finger].sum(axis=0)
+        assert np.linalg.norm(on_block) > 10
+        np.testing.assert_allclose(force, -on_block, atol=1e-9)
+
+
+def test_fingers_stay_as_far_from_the_middle_as_each_other(grasp):
+    """Pushed at from one side, they do not slide along: the hand carries the block sideways."""
+    world, gripper, target = grasp
+    run(gripper, world, np.array([[0, 0.0005, 0]] * 2 + [[0, 0, 0]]))
+    fingers = [world.data.joint(f"{side}_finger").qpos[0] for side in ("left", "right")]
+    np.testing.assert_allclose(fingers[0], fingers[1], atol=5e-5)
+    run(gripper, world, np.array([[0, -0.0005, 0]] * 2 + [[0, 0, 0]]))
 
 
 def test_a_block_goes_with_the_hand_that_holds_it_and_stays_when_let_go(grasp):

@@ -21,7 +21,7 @@ from jenga_data.friction import friction_share
 from jenga_data.geometry import rotation_matrices
 from jenga_data.sim.gripper import Gripper
 from jenga_data.sim.physics import GripperConfig
-from jenga_data.sim.scene import TURNTABLE_RADIUS
+from jenga_data.scenery import TURNTABLE_RADIUS
 from jenga_data.sim.servo import BlockServo
 from jenga_data.sim.turntable import TURN_SECONDS, MinimumJerk, Turntable, friction_needed, whole_frames
 from jenga_data.sim.world import World
