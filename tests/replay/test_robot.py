@@ -17,8 +17,9 @@ from jenga_data.geometry import rotation_matrices
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.measures import displacement
+from jenga_data.replay.moments import Moment
 from jenga_data.replay.paint import TURNTABLE
-from jenga_data.replay.picture import render_tower, robot_parts, tower_camera
+from jenga_data.replay.picture import AZIMUTH, free_azimuth, render_tower, robot_parts, tower_camera
 from jenga_data.replay.raster import NOTHING, Camera, rasterise
 from jenga_data.replay.rerun_adapter import FRAME, write_rrd
 from jenga_data.replay.series import episode_series
@@ -232,8 +233,28 @@ def test_the_stand_is_a_disc_on_a_column(tmp_path: Path) -> None:
 
 def test_a_robot_does_not_shrink_the_tower_of_a_film_strip(episode: Episode) -> None:
     """The strip is framed by the tower; the gripper alone may widen it."""
-    bare = replace(episode, gripper=make_episode(frames=120, robot=False).gripper)
-    assert film_strip(with_robot(bare)).get_size_inches().tolist() == film_strip(bare).get_size_inches().tolist()
+    moments = [Moment(60, "pull")]
+    tall = with_robot(episode)
+    assert tall.robot is not None
+    tall.robot.link_pose[:, 0, 2] += 0.5
+    sizes = [film_strip(e, moments, height=200).get_size_inches().tolist() for e in (with_robot(episode), tall)]
+    assert sizes[0] == sizes[1]
+
+
+@pytest.mark.parametrize("bearing", [0.0, 1.0, 2.5, np.pi, -2.0, -0.5])
+def test_a_robot_does_not_stand_between_the_eye_and_the_tower(moved: Episode, bearing: float) -> None:
+    assert moved.robot is not None
+    pose = turn_poses(np.array([[-0.5, 0, 0, 1, 0, 0, 0]] * 3), bearing - np.pi)
+    robot = replace(moved.robot, link_pose=np.tile(pose, (len(moved.time_ns), 1, 1)))
+    azimuth = free_azimuth(replace(moved, robot=robot))
+    centre = moved.pose[0, :, :2].mean(axis=0)
+    to_robot, to_eye = pose[0, :2] - centre, np.array([np.cos(azimuth), np.sin(azimuth)])
+    assert to_robot @ to_eye / np.linalg.norm(to_robot) == pytest.approx(np.cos(np.radians(70)))
+    assert np.cos(azimuth - AZIMUTH) > np.cos(np.radians(111))
+
+
+def test_without_a_robot_the_eye_keeps_its_place(episode: Episode) -> None:
+    assert free_azimuth(episode) == AZIMUTH
 
 
 def test_the_curves_get_a_panel_for_each_of_the_joints_quantities_and_the_turntable(
