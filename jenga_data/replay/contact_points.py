@@ -9,6 +9,7 @@ from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Episode
 from jenga_data.geometry import rotation_matrices
 from jenga_data.replay import hand
 from jenga_data.replay.measures import samples_at_frames
+from jenga_data.replay.solids import solid_bounds
 
 _FAR = 10.0
 """Beyond everything [m]: the table reaches so far to the sides and down."""
@@ -32,8 +33,9 @@ class ContactPoints:
 def contact_points(episode: Episode) -> ContactPoints:
     """Place every contact in the middle of where the two bodies' bounding boxes overlap.
 
-    That is the middle of the shared area for blocks that lie flat, and near it for tilted ones. Contacts of the
-    robot are left out where the episode has no gripper track.
+    That is the middle of the shared area for blocks that lie flat, and near it for tilted ones. Of a robot's solids the
+    one counts that reaches deepest into the block's box. Contacts of the fingers are left out where the episode has no
+    gripper track, and those of the rest of the robot where it has neither that nor a robot.
     """
     contacts = episode.contacts
     frame = np.repeat(np.arange(len(contacts)), [len(c.first) for c in contacts])
@@ -44,8 +46,28 @@ def contact_points(episode: Episode) -> ContactPoints:
     inner_low = np.maximum(low[frame, first], low[frame, second])
     inner_high = np.minimum(high[frame, first], high[frame, second])
     point = (inner_low + inner_high) / 2
+    touched = second == ROBOT
+    if episode.robot is not None and episode.header.robot is not None and touched.any():
+        at, block = frame[touched], first[touched]
+        solids = solid_bounds(episode.header.robot, episode.robot.link_pose)
+        point[touched] = _deepest(low[at, block], high[at, block], *(bound[at] for bound in solids))
     known = np.isfinite(point).all(axis=1)
     return ContactPoints(frame[known], first[known], second[known], point[known], force[known])
+
+
+def _deepest(
+    low: Float[np.ndarray, "contact 3"],
+    high: Float[np.ndarray, "contact 3"],
+    solid_low: Float[np.ndarray, "contact solid 3"],
+    solid_high: Float[np.ndarray, "contact solid 3"],
+) -> Float[np.ndarray, "contact 3"]:
+    """The middle of what a block's bounding box shares with that of the solid that reaches deepest into it."""
+    if not solid_low.shape[1]:
+        return np.full(low.shape, np.nan)
+    inner_low, inner_high = np.maximum(low[:, None], solid_low), np.minimum(high[:, None], solid_high)
+    best = np.argmax((inner_high - inner_low).min(axis=-1), axis=1)
+    row = np.arange(len(low))
+    return (inner_low[row, best] + inner_high[row, best]) / 2
 
 
 def _bounds(episode: Episode) -> tuple[Float[np.ndarray, "frame body 3"], Float[np.ndarray, "frame body 3"]]:

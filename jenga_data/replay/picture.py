@@ -21,6 +21,8 @@ from jenga_data.replay.solids import Boxes, Faces, robot_faces
 AZIMUTH, ELEVATION = np.radians(222.0), np.radians(20.0)
 """Where the eye stands unless a caller says otherwise: the -x side, to which every block is pulled, faces left."""
 
+_ASIDE = np.radians(70.0)
+"""From where a robot stands, as seen from the tower, to where the eye stands beside it: the arm hides no tower."""
 _FAR = 0.42
 """Parts farther from the turntable's axis do not widen the view; the top of a tower that tips over comes so far [m]."""
 
@@ -83,6 +85,15 @@ def render_tower(
     else:
         _write_png(where, image)
     return image
+
+
+def free_azimuth(episode: Episode) -> float:
+    """From where the tower is seen past a robot [rad]: the usual side, or to that side of the robot where one is."""
+    if episode.robot is None or not episode.robot.link_pose.size:
+        return float(AZIMUTH)
+    x, y = episode.robot.link_pose[0, :, :2].mean(axis=0) - episode.pose[0, :, :2].mean(axis=0)
+    sides = np.arctan2(y, x) + np.array([-_ASIDE, _ASIDE])
+    return float(sides[np.argmax(np.cos(sides - AZIMUTH))])
 
 
 def gripper_boxes(episode: Episode, frame: int) -> list[Boxes]:

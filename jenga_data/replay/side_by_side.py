@@ -14,7 +14,7 @@ from jenga_data.replay import style
 from jenga_data.replay.measures import MM, largest_displacement_of_others, seconds
 from jenga_data.replay.moments import MOMENTS, Moment, telling_moments
 from jenga_data.replay.paint import Stand
-from jenga_data.replay.picture import render_tower, robot_parts, tower_camera
+from jenga_data.replay.picture import free_azimuth, render_tower, robot_parts, tower_camera
 from jenga_data.replay.raster import Camera
 from jenga_data.replay.solids import Boxes
 from jenga_data.replay.summary import outcome_words, target_words
@@ -81,7 +81,8 @@ def film_strip(episode: Episode, moments: Sequence[Moment] | None = None, height
     colours = block_colours(episode.header.layout.level, episode.header.target)
     scenes = [(Boxes(episode.pose[m.frame], size, colours), robot_parts(episode, m.frame)) for m in moments]
     # A whole robot would make the tower small: only a gripper widens the view.
-    camera = tower_camera([part for tower, parts in scenes for part in (tower, *parts) if isinstance(part, Boxes)])
+    framed = [part for tower, parts in scenes for part in (tower, *parts) if isinstance(part, Boxes)]
+    camera = tower_camera(framed, azimuth=free_azimuth(episode))
     time = seconds(episode)
     height = min(height, round(_WIDEST / camera.aspect))
     # A log that ends after a frame or two gets no narrower a figure, so that its title fits.

@@ -80,6 +80,31 @@ def robot_faces(model: RobotModel, link_pose: Float[np.ndarray, "link 7"]) -> Fa
     return Faces.joined([none, *(_moved(solid, turn, at) for link, turn, at in links for solid in link.solids)])
 
 
+def solid_bounds(
+    model: RobotModel, link_pose: Float[np.ndarray, "frame link 7"]
+) -> tuple[Float[np.ndarray, "frame solid 3"], Float[np.ndarray, "frame solid 3"]]:
+    """Low and high corner of the bounding box of each solid of all links, in order, in the world."""
+    turn, middle, reach = rotation_matrices(link_pose[..., 3:]), [], []
+    for number, link in enumerate(model.links):
+        for solid in link.solids:
+            own = np.array(solid.pose)
+            middle.append(link_pose[:, number, :3] + turn[:, number] @ own[:3])
+            reach.append(_reach(solid, turn[:, number] @ rotation_matrices(own[3:])))
+    shape = (len(link_pose), len(middle), 3)
+    centre, half = (np.array(rows).reshape(shape[1], shape[0], 3).swapaxes(0, 1) for rows in (middle, reach))
+    return centre - half, centre + half
+
+
+def _reach(solid: Solid, turn: Float[np.ndarray, "frame 3 3"]) -> Float[np.ndarray, "frame 3"]:
+    """How far a solid that is turned so reaches from its centre along x, y and z."""
+    radius, length, _ = solid.size
+    if solid.shape == "box":
+        return (np.abs(turn) * np.array(solid.size)).sum(axis=-1) / 2
+    along = np.abs(turn[..., 2])
+    across = np.sqrt(np.maximum(1.0 - along**2, 0.0)) if solid.shape == "cylinder" else 1.0
+    return along * length / 2 + radius * across
+
+
 def _moved(solid: Solid, turn: Float[np.ndarray, "3 3"], at: Float[np.ndarray, "3"]) -> Faces:
     corner, patch = solid_quads(solid.shape, solid.size)
     own = np.array(solid.pose)

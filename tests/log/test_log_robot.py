@@ -1,7 +1,10 @@
 """A robot in a log: it comes back exactly, whoever wrote it; nonsense is named; viewers get its links."""
 
 import dataclasses
+import os
 import re
+import subprocess
+import sys
 from xml.etree import ElementTree
 
 import numpy as np
@@ -350,3 +353,12 @@ def test_viewers_get_the_links_at_every_frame_and_no_schematic_gripper(robot_log
         for transform, pose in zip(transforms, there.link_pose.tolist(), strict=True):
             p, q = transform.translation, transform.rotation
             assert [p.x, p.y, p.z, q.w, q.x, q.y, q.z] == pose
+
+
+def test_stock_rerun_draws_the_links(robot_log, tmp_path):
+    command = [sys.executable, "-m", "rerun_cli", "mcap", "convert", str(robot_log), "-o", str(tmp_path / "e.rrd")]
+    # CI=1 switches rerun's analytics off.
+    done = subprocess.run(command, check=True, capture_output=True, text=True, env=os.environ | {"CI": "1"})
+    for link, solids in (("base", ("0", "1")), ("arm", ("0", "0_low", "0_high"))):
+        for solid in solids:
+            assert f"visual_geometries/robot\\/{link}/robot\\/{link}_{solid}" in done.stdout + done.stderr

@@ -8,21 +8,23 @@ from pathlib import Path
 import matplotlib.image
 import numpy as np
 import pytest
-from made_up_episode import TARGET, make_episode
+from made_up_episode import TARGET, make_episode, random_quaternions
 from rerun.chunk import Chunk, RrdReader
 from three_link_robot import BASE, MODEL, REACH, track
 
-from jenga_data.episode import Episode
+from jenga_data.episode import ROBOT, Contacts, Episode, Link, RobotModel, Solid
 from jenga_data.geometry import rotation_matrices
+from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.measures import displacement
+from jenga_data.replay.moments import Moment
 from jenga_data.replay.paint import TURNTABLE
-from jenga_data.replay.picture import render_tower, robot_parts, tower_camera
+from jenga_data.replay.picture import AZIMUTH, free_azimuth, render_tower, robot_parts, tower_camera
 from jenga_data.replay.raster import NOTHING, Camera, rasterise
 from jenga_data.replay.rerun_adapter import FRAME, write_rrd
 from jenga_data.replay.series import episode_series
 from jenga_data.replay.side_by_side import film_strip
-from jenga_data.replay.solids import Boxes, Faces, robot_faces, solid_quads
+from jenga_data.replay.solids import Boxes, Faces, robot_faces, solid_bounds, solid_quads
 from jenga_data.tower import turn_poses
 
 SOLIDS = {
@@ -231,8 +233,28 @@ def test_the_stand_is_a_disc_on_a_column(tmp_path: Path) -> None:
 
 def test_a_robot_does_not_shrink_the_tower_of_a_film_strip(episode: Episode) -> None:
     """The strip is framed by the tower; the gripper alone may widen it."""
-    bare = replace(episode, gripper=make_episode(frames=120, robot=False).gripper)
-    assert film_strip(with_robot(bare)).get_size_inches().tolist() == film_strip(bare).get_size_inches().tolist()
+    moments = [Moment(60, "pull")]
+    tall = with_robot(episode)
+    assert tall.robot is not None
+    tall.robot.link_pose[:, 0, 2] += 0.5
+    sizes = [film_strip(e, moments, height=200).get_size_inches().tolist() for e in (with_robot(episode), tall)]
+    assert sizes[0] == sizes[1]
+
+
+@pytest.mark.parametrize("bearing", [0.0, 1.0, 2.5, np.pi, -2.0, -0.5])
+def test_a_robot_does_not_stand_between_the_eye_and_the_tower(moved: Episode, bearing: float) -> None:
+    assert moved.robot is not None
+    pose = turn_poses(np.array([[-0.5, 0, 0, 1, 0, 0, 0]] * 3), bearing - np.pi)
+    robot = replace(moved.robot, link_pose=np.tile(pose, (len(moved.time_ns), 1, 1)))
+    azimuth = free_azimuth(replace(moved, robot=robot))
+    centre = moved.pose[0, :, :2].mean(axis=0)
+    to_robot, to_eye = pose[0, :2] - centre, np.array([np.cos(azimuth), np.sin(azimuth)])
+    assert to_robot @ to_eye / np.linalg.norm(to_robot) == pytest.approx(np.cos(np.radians(70)))
+    assert np.cos(azimuth - AZIMUTH) > np.cos(np.radians(111))
+
+
+def test_without_a_robot_the_eye_keeps_its_place(episode: Episode) -> None:
+    assert free_azimuth(episode) == AZIMUTH
 
 
 def test_the_curves_get_a_panel_for_each_of_the_joints_quantities_and_the_turntable(
@@ -247,6 +269,38 @@ def test_the_curves_get_a_panel_for_each_of_the_joints_quantities_and_the_turnta
     assert panel == pytest.approx(2.1 * 160, abs=1)
     turned = replace(moved, turntable=np.linspace(0, 1, len(moved.time_ns)))
     assert height(turned) - height(moved) == pytest.approx(panel, abs=1)
+
+
+# --- contacts ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("shape", "size"), [(shape, size) for shape, size, _ in SHAPES])
+def test_bounding_boxes_hold_their_solids_and_touch_them(shape: str, size: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(0)
+    own, links = (np.concatenate([rng.normal(size=(n, 3)), random_quaternions(rng, n)], axis=1) for n in (1, 7))
+    x, y, z, qw, qx, qy, qz = own[0].tolist()
+    model = RobotModel((), (Link("a", (Solid(shape, size, (x, y, z, qw, qx, qy, qz), (1.0, 1.0, 1.0, 1.0)),)),))
+    low, high = solid_bounds(model, links[:, None])
+    for k, pose in enumerate(links):
+        corners = robot_faces(model, pose[None]).corners()
+        assert (corners > low[k] - 1e-12).all()
+        assert (corners < high[k] + 1e-12).all()
+        np.testing.assert_allclose(corners.max(axis=0) - corners.min(axis=0), (high - low)[k, 0], rtol=0.06)
+
+
+def test_what_the_robot_touches_is_touched_where_its_nearest_solid_is(moved: Episode) -> None:
+    """The tool's tip pokes 2 mm into the target's -x end; all else of the robot is far away."""
+    end = moved.pose[0, TARGET, :3] - np.array([moved.header.blocks.size[TARGET, 0] / 2, 0.0, 0.0])
+    tip = end + np.array([0.002, 0.0, 0.0])
+    robot = track(len(moved.time_ns))
+    robot.link_pose[0, :, :3] = [[9, 9, 9], [8, 8, 8], tip - np.array([0.05, 0, 0])]
+    robot.link_pose[0, :, 3:] = [1, 0, 0, 0]
+    touching = Contacts(np.array([TARGET]), np.array([ROBOT]), np.array([[3.0, 0.0, 0.0]]))
+    for gripper in (moved.gripper, make_episode(frames=120, robot=False).gripper):
+        episode = replace(moved, robot=robot, contacts=[touching, *moved.contacts[1:]], gripper=gripper)
+        found = contact_points(episode)
+        assert found.frame[0] == 0
+        np.testing.assert_allclose(found.point[0], (end + tip) / 2, atol=1e-9)
 
 
 # --- the turntable -------------------------------------------------------------------------------------------------
