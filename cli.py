@@ -16,7 +16,7 @@ import tyro
 from jenga_control.commands import demo, evaluate, replay
 from jenga_data.calibrate.commands import calibrate
 from jenga_data.command_line import Shown, Verb
-from jenga_data.commands import bench, collect, convert, dataset, log
+from jenga_data.commands import bench, collect, convert, dataset, log, report
 from jenga_data.errors import JengaError
 from jenga_models.commands import train
 
@@ -34,6 +34,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     "dataset": ("list, info, verify", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
     "bench": ("how fast the parts are (sim)", lambda _: bench()),
+    "report": ("what logged episodes show (touch)", lambda _: report()),
 }
 
 

@@ -1,4 +1,4 @@
-"""The verbs that make and look after data: collect, convert, dataset, log, bench. Heavy imports stay inside."""
+"""The verbs that make and look after data: collect, convert, dataset, log, bench, report. Heavy imports stay inside."""
 
 from dataclasses import asdict, replace
 from pathlib import Path
@@ -226,3 +226,22 @@ def bench() -> dict[str, Verb]:
         return Shown(json, report, report.pop("text"))
 
     return {"sim": sim, "robot": robot}
+
+
+def report() -> dict[str, Verb]:
+    def touch(logs: tyro.conf.Positional[tuple[Path, ...]], out: Path, json: Json = False) -> Shown:
+        """How erratic the fingertip forces of extractions are, and whether that tells failure from success.
+
+        Args:
+            logs: folders (or files) of MCAP logs; those in which no gripper pulls are counted and left out.
+            out: folder of the report: touch.json, .md and .png.
+        """
+        from jenga_data.touch_report import touch_report
+
+        if not logs:
+            raise JengaError("no folder of logs was given; name at least one: jenga report touch FOLDER --out ...")
+        found = touch_report(logs, out)
+        text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
+        return Shown(json, found, text)
+
+    return {"touch": touch}

@@ -1,5 +1,6 @@
 """What Lightning trains: a network, its loss and its optimizer."""
 
+from abc import ABC, abstractmethod
 from typing import Any
 
 import torch
@@ -11,16 +12,16 @@ from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import Batch
 
 
-class _Module(LightningModule):
+class _Module(LightningModule, ABC):
     """Logs the mean of every metric over the epoch, once for training and once for validation rows."""
 
     def __init__(self, network: nn.Module, config: Training) -> None:
         super().__init__()
         self.network, self.config = network, config
 
+    @abstractmethod
     def metrics(self, batch: Batch) -> dict[str, Tensor]:
         """What to report of a batch; `loss` is what is minimised."""
-        raise NotImplementedError
 
     def _step(self, split: str, batch: Batch) -> Tensor:
         metrics = self.metrics(batch)

@@ -67,7 +67,7 @@ def run_crowd(rollout: Rollout, seed: int, numbers: Sequence[int], workers: int,
 def _get_ready(folder: Path) -> None:
     """Import what an episode needs, and make the worker's folder."""
     import jenga_data.collect.selection
-    import jenga_data.log.writer  # noqa: F401
+    import jenga_data.log.writer  # noqa: F401  (imported so that no episode pays for it)
 
     folder.mkdir()
 

@@ -85,7 +85,7 @@ def push_blocks(config: MovableConfig, seed: int, number: int, part: int) -> dic
     start = world.integration_state()
     sign = rng.choice([-1.0, 1.0], len(state.blocks))
     blocks = np.array_split(np.arange(len(state.blocks)), PARTS)[part]
-    pushes = [_push(world, start, block, sign[block], config) for block in blocks.tolist()]
+    pushes = [_push(world, start, block, float(sign[block]), config) for block in blocks.tolist()]
     return {
         "tower": state.blocks.tower,
         "tries": tries,

@@ -101,9 +101,8 @@ class Skills:
         Raises:
             Failure: the arm collided, or touched a block that it should not.
         """
-        self._recording.advance(
-            lambda i: self.substep(i, (lambda: next(turning)) if turning else None), self._physics.steps_a_frame
-        )
+        step = self._world.step if turning is None else turning.__next__
+        self._recording.advance(lambda i: self.substep(i, step), self._physics.steps_a_frame)
         if self.left_alone is not None:
             let_sleep(self._recording, self.left_alone)
         self._watch()

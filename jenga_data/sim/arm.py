@@ -130,6 +130,7 @@ class Kinematics:
         configuration = self._configuration
         configuration.update(near)
         self._place.set_target(mink.SE3.from_translation(where))
+        error = np.full(6, np.inf)
         for _ in range(iterations):
             step = mink.solve_ik(configuration, self._tasks, 1.0, "daqp", damping=1e-9, limits=self._limits)
             configuration.integrate_inplace(np.clip(step, -0.3, 0.3), 1.0)

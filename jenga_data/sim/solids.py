@@ -21,12 +21,8 @@ def link_of(model: mujoco.MjModel, body: str) -> Link:
 
 def _solid(model: mujoco.MjModel, geom: int) -> Solid:
     shape = _SHAPES[int(model.geom_type[geom])]
-    half = model.geom_size[geom]
-    size = {
-        "box": (2 * half[0], 2 * half[1], 2 * half[2]),
-        "sphere": (half[0], 0.0, 0.0),
-        "cylinder": (half[0], 2 * half[1], 0.0),
-        "capsule": (half[0], 2 * half[1], 0.0),
-    }[shape]
-    pose = (*model.geom_pos[geom].tolist(), *model.geom_quat[geom].tolist())
-    return Solid(shape, tuple(map(float, size)), pose, tuple(map(float, model.geom_rgba[geom])))
+    x, y, z = model.geom_size[geom].tolist()
+    size = (2 * x, 2 * y, 2 * z) if shape == "box" else (x, 0.0 if shape == "sphere" else 2 * y, 0.0)
+    place, turn = model.geom_pos[geom].tolist(), model.geom_quat[geom].tolist()
+    red, green, blue, opacity = model.geom_rgba[geom].tolist()
+    return Solid(shape, size, (*place, *turn), (red, green, blue, opacity))

@@ -8,11 +8,10 @@ import pytest
 import torch
 from jenga_runs import COLLECT, Made, cheap_closed_loop, jenga
 
-with (
-    warnings.catch_warnings()
-):  # torch_geometric 2.8 still decorates with torch.jit.script, which torch 2.13 deprecates
+with warnings.catch_warnings():
+    # torch_geometric 2.8 still decorates with torch.jit.script, which torch 2.13 deprecates.
     warnings.simplefilter("ignore", DeprecationWarning)
-    import torch_geometric.nn  # noqa: F401
+    import torch_geometric.nn  # noqa: F401  (imported so that its warning is over before any test)
 
 torch.set_num_threads(1)
 
