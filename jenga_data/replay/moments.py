@@ -46,6 +46,8 @@ def _events(episode: Episode, last: int) -> list[Moment]:
     """What must be seen, the most important first where two fall on one frame."""
     start, end = Moment(0, "start"), Moment(last, "end")
     verdict = episode.result.verdict if episode.result else None
+    if episode.robot is not None:
+        return _key_frames(episode, last)
     pull = _phase_start(episode, "pull")
     if pull is None or verdict is None or verdict.outcome is Outcome.INVALID:
         return [start, end]
@@ -64,6 +66,30 @@ def _events(episode: Episode, last: int) -> list[Moment]:
     share = (release - pull) / (3 - len(grasped))
     under_way = [Moment(round(pull + share * i), "pull") for i in range(1, 3 - len(grasped))]
     return [start, end, Moment(release, "pull ends"), Moment((release + last) // 2, "observe"), *grasped, *under_way]
+
+
+_STORY = {"push": "stick taken", "approach": "turned back", "pull": "grasped", "put_down": "extracted"}
+"""Phases of a robot's rollout, and what has been done when they begin."""
+
+
+def _key_frames(episode: Episode, last: int) -> list[Moment]:
+    """The paper's six: stick taken, pushed out, turned back, grasped, pulling, extracted; or as far as it came, and
+    how it ended."""
+    begun = {phase.name: phase.frame for phase in episode.phases}
+    events = [Moment(begun[phase], name) for phase, name in _STORY.items() if phase in begun]
+    if (push := begun.get("push")) is not None:
+        until = begun.get("turn_back", last)
+        way = np.abs(
+            episode.pose[push : until + 1, episode.header.target, 0] - episode.pose[push, episode.header.target, 0]
+        )
+        events.insert(1, Moment(push + int(np.argmax(way >= 0.98 * way.max())), "pushed"))
+    if (pull := begun.get("pull")) is not None:
+        clear = episode.result.verdict.clear_frame if episode.result else -1
+        until = clear if clear > pull else begun.get("release", last)
+        events.append(Moment((pull + until) // 2, "pull"))
+    if "put_down" not in begun:
+        events.append(Moment(last, "end"))
+    return events
 
 
 def _phase_start(episode: Episode, name: str) -> int | None:

@@ -80,13 +80,14 @@ def film_strip(episode: Episode, moments: Sequence[Moment] | None = None, height
     size = episode.header.blocks.size
     colours = block_colours(episode.header.layout.level, episode.header.target)
     scenes = [(Boxes(episode.pose[m.frame], size, colours), robot_parts(episode, m.frame)) for m in moments]
-    # A whole robot would make the tower small: only a gripper widens the view.
-    framed = [part for tower, parts in scenes for part in (tower, *parts) if isinstance(part, Boxes)]
+    framed = [part for tower, parts in scenes for part in (tower, *parts)]
     camera = tower_camera(framed, azimuth=free_azimuth(episode))
     time = seconds(episode)
-    height = min(height, round(_WIDEST / camera.aspect))
+    # A robot takes room beside the tower: half as many pictures in a row.
+    rows = 1 if episode.robot is None else 2
+    height = min(height, round(rows * _WIDEST / camera.aspect))
     # A log that ends after a frame or two gets no narrower a figure, so that its title fits.
-    grid = _Grid(len(moments), max(MOMENTS, len(moments)), camera, height, lines=2, heading=2)
+    grid = _Grid(len(moments), -(-max(MOMENTS, len(moments)) // rows), camera, height, lines=2, heading=2)
     with style.applied():
         figure = grid.figure(*strip_title(episode))
         for number, (moment, (tower, parts)) in enumerate(zip(moments, scenes, strict=True)):
