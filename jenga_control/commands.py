@@ -14,6 +14,7 @@ def demo(
     seed: int = 0,
     selection_episodes: int = 12,
     extraction_episodes: int = 6,
+    robot_episodes: int = 2,
     towers: int = 2,
     epochs: MaybeInt = None,
     json: Json = False,
@@ -25,13 +26,14 @@ def demo(
         workers: processes that simulate.
         seed: decides every tower and pull.
         selection_episodes: rollouts that pull a block with a servo.
-        extraction_episodes: rollouts that pull a block with a gripper.
+        extraction_episodes: rollouts that pull a block with a gripper without an arm.
+        robot_episodes: rollouts of the whole robot.
         towers: held-out towers on which every controller pulls.
         epochs: of both trainings; by default those of the preset "fast".
     """
     from jenga_control.demo import DemoSize, closing_words, free_folder, run_demo
 
-    size = DemoSize(selection_episodes, extraction_episodes, towers, epochs)
+    size = DemoSize(selection_episodes, extraction_episodes, robot_episodes, towers, epochs)
     result = run_demo(out or free_folder(), workers, seed, size)
     return Shown(json, result, closing_words(result))
 
@@ -71,6 +73,7 @@ def evaluate() -> dict[str, Verb]:
         objective: tuple[Literal["full", "naive", "straight"], ...] = ("full", "naive", "straight"),
         towers: int = 100,
         preset: Literal["paper", "best"] = "best",
+        gripper: bool = False,
         seed: int = 900_000,
         workers: int = 2,
         json: Json = False,
@@ -84,13 +87,17 @@ def evaluate() -> dict[str, Verb]:
                 the others are its baselines on the same towers and targets.
             towers: how many.
             preset: of the search.
+            gripper: a hand without an arm pulls, at a block that sticks out already; by default the whole robot does
+                everything.
             seed: from 900000 up, which no training data may have.
             workers: processes that simulate.
         """
         from jenga_control.evaluate_extraction import evaluate_extraction
         from jenga_control.tables import extraction_tables
+        from jenga_data.collect.config import ExtractionConfig
 
-        report = evaluate_extraction(model, out, objective, towers, seed, workers, preset)
+        config = ExtractionConfig(body="gripper") if gripper else None
+        report = evaluate_extraction(model, out, objective, towers, seed, workers, preset, config)
         return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
 
     return {"selection": selection, "dynamics": dynamics, "extraction": extraction}

@@ -37,7 +37,9 @@ class DemoSize:
     selection_episodes: int = 12
     """Rollouts that pull with a servo, one a tower."""
     extraction_episodes: int = 6
-    """Rollouts of the gripper, up to 51 transitions each."""
+    """Rollouts of a gripper without an arm, up to 51 transitions each."""
+    robot_episodes: int = 2
+    """Rollouts of the whole robot, which take three times as long."""
     towers: int = 2
     """Held-out towers on which each controller pulls."""
     epochs: int | None = None
@@ -46,8 +48,14 @@ class DemoSize:
     def __post_init__(self) -> None:
         if min(self.selection_episodes, self.extraction_episodes) < 3:
             raise JengaError("a demo needs 3 episodes of each kind at least: to train, to validate and to test")
+        if self.robot_episodes < 1:
+            raise JengaError(f"robot-episodes is {self.robot_episodes}; allowed: 1 or more")
         if self.towers < 1 or (self.epochs is not None and self.epochs < 1):
             raise JengaError(f"towers is {self.towers} and epochs is {self.epochs}; both must be at least 1")
+
+
+_GRIPPER = ExtractionConfig(body="gripper")
+"""Every rollout of it has a pull: with the few of a demo there would else be too little to learn from."""
 
 
 def free_folder(parent: Path = Path("runs")) -> Path:
@@ -72,7 +80,8 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
     _say(1, "simulate: towers of rounds 1 to 15, random blocks pulled, every rollout an MCAP log")
     collected = {
         "selection": collect(SelectionConfig(), seed, size.selection_episodes, workers, logs / "selection"),
-        "extraction": collect(ExtractionConfig(), seed, size.extraction_episodes, workers, logs / "extraction"),
+        "extraction": collect(_GRIPPER, seed, size.extraction_episodes, workers, logs / "extraction"),
+        "robot": collect(ExtractionConfig(), seed, size.robot_episodes, workers, logs / "robot"),
     }
     _say(2, "convert: logs to Parquet datasets, then check every byte")
     folders = {"selection": data / "demo-selection", "dynamics": data / "demo-dynamics"}
@@ -98,7 +107,9 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
     write_report(tables, "dynamics", dynamics, dynamics_tables(dynamics))
 
     _say(5, "control: MPPI with the learned model, MPPI without it, and a straight pull, on the same new towers")
-    extraction = evaluate_extraction(simulator, logs / "closed-loop", towers=size.towers, workers=workers)
+    extraction = evaluate_extraction(
+        simulator, logs / "closed-loop", towers=size.towers, workers=workers, config=_GRIPPER
+    )
     write_report(tables, "extraction", extraction, extraction_tables([extraction, *extraction["baselines"].values()]))
 
     _say(6, "replay: the truth and the model's prediction together, and pictures")
@@ -172,7 +183,7 @@ def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Pa
     episode = read_episode(shown)
     prediction = overlay(simulator, shown)
     write_rrd(episode, [prediction], replay)
-    pictures = {name: folder / f"{name}.png" for name in ("towers", "film", "curves", "selection")}
+    pictures = {name: folder / f"{name}.png" for name in ("towers", "film", "curves", "selection", "robot")}
 
     pulls = sorted((read_episode(path) for path in (logs / "selection").glob("*.mcap")), key=lambda e: e.header.round)
     picked = pulls[:: max(1, len(pulls) // 5)][:5]
@@ -185,5 +196,6 @@ def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Pa
         style.save(towers, pictures["towers"])
         style.save(film_strip(episode), pictures["film"])
         style.save(film_strip(pulls[-1]), pictures["selection"])
+        style.save(film_strip(read_episode(_pick(logs / "robot"))), pictures["robot"])
     episode_curves(episode, [prediction], pictures["curves"])
     return pictures

@@ -78,8 +78,9 @@ def _control(r: DemoResults) -> Section:
     ]
     head = ("Way to pull", "Extracted", "n", "Median of the largest motion of another block [mm]", "Decisions a second")
     return Section(
-        "The robot pulls a block",
+        "Pulling a block",
         [
+            Figure(r.pictures["robot"], "Key frames of the robot", "The whole robot: arm, stick and turntable."),
             Figure(r.pictures["film"], "Six moments of a pull", "MPPI with the learned model on a tower it never saw."),
             Figure(
                 r.pictures["curves"],

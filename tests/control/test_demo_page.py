@@ -15,7 +15,7 @@ from jenga_data.dataset.manifest import Counts, File, Manifest, Provenance, Spli
 from jenga_data.errors import JengaError
 
 PNG = bytes.fromhex("89504e470d0a1a0a")
-PICTURES = ("towers", "film", "curves", "selection")
+PICTURES = ("robot", "towers", "film", "curves", "selection")
 
 
 class Page(HTMLParser):
