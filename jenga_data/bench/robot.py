@@ -30,6 +30,8 @@ from jenga_data.statistics import Proportion, ratio_bootstrap
 
 SECONDS = 20.0
 """What an episode may cost on one core [s]."""
+TRANSITIONS, MINUTES = 12_000, 150.0
+"""The paper's dynamics data, and what they may take [min]."""
 ACROSS, ALONG = 0.5, 5.0
 """How straight the hand's way in the air has to be [mm]."""
 _IN_THE_AIR = ("take_stick", "turn_back", "approach", "put_down")
@@ -163,6 +165,14 @@ def bench_robot(run: Run, config: ExtractionConfig) -> dict[str, Any]:
             float(cpu.mean()), len(found),
         ),
     }  # fmt: skip
+    actions = np.array([f["actions"] for f in found])
+    if actions.any():
+        minutes = TRANSITIONS / actions.mean() * cpu.mean() / run.workers / 60
+        speeds["dynamics_data"] = Speed(
+            f"{TRANSITIONS:,} transitions with the target in the tower, by CPU time, on {run.workers} workers",
+            float(minutes), "min", MINUTES, len(found), limit=1.0,
+            more={"episodes": float(TRANSITIONS / actions.mean()), "actions_an_episode": float(actions.mean())},
+        )  # fmt: skip
     got = grasped != ""
     report: dict[str, Any] = {
         **{name: speed.as_dict() for name, speed in speeds.items()},
@@ -183,7 +193,6 @@ def bench_robot(run: Run, config: ExtractionConfig) -> dict[str, Any]:
         "joint_torque_share": quantiles(np.array([f["torque"] for f in found])),
         "across_mm": quantiles(np.array([f["across_mm"] for f in found if f["across_mm"] is not None])),
         "along_mm": quantiles(np.array([f["along_mm"] for f in found if f["along_mm"] is not None])),
-        "actions_in_tower": float(np.mean([f["actions"] for f in found])),
     }
     rows = [
         ("loose targets (`jenga calibrate movable`)", report["loose"], ""),
