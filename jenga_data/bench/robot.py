@@ -89,7 +89,7 @@ class _Watched(Skills):
 
     def __init__(self, robot: Robot, recording: Recording, config: ExtractionConfig) -> None:
         super().__init__(robot, recording, config)
-        self._phase = ""
+        self._free = False
         self._steps = config.physics.steps_a_frame
         self._errors: list[tuple[float, float]] = []
         self._margins: list[tuple[float, float, float]] = []
@@ -99,7 +99,9 @@ class _Watched(Skills):
 
     def substep(self, i: int, step: Callable[[], object] | None = None) -> None:
         super().substep(i, step)
-        if self._recording.phase_name in _IN_THE_AIR:
+        if i == 0:
+            self._free = self._recording.phase_name in _IN_THE_AIR and not self._recording.has_collapsed()
+        if self._free:
             self._errors.append(self._arm.error((i + 1) / self._steps))
         margins = self._robot.margins()
         self._margins.append((margins["angle"], margins["speed"], margins["torque"]))

@@ -54,6 +54,8 @@ _CLEARANCE = 0.002
 _LEAST_HOLD = 0.008
 """The fingertips must overlap a block's end by so much [m], half their length."""
 _CLOSE_FRAMES = 8
+_SMOOTH = 3
+"""Touch samples whose mean is the force of a push: it hits the block with a spike of one."""
 _TURN_SECONDS = 4.0
 _REST_SECONDS = 3.0
 """A tower that was touched gets so long to come to rest [s]."""
@@ -77,6 +79,10 @@ class Skills:
         self._target, self._size = recording.target, robot.world.blocks.size[recording.target]
         self.may_touch: frozenset[int] = frozenset()
         """Blocks that hand or stick are meant to touch at present."""
+        self._felt = [0.0] * _SMOOTH
+        self._most_force = np.inf
+        self.stopped = False
+        """Whether the last guarded motion met too much force."""
         self.left_alone: int | None = 0
         """The frame from which on nothing touches the tower, which may sleep then; None while something does."""
         self.cause = ""
@@ -90,10 +96,16 @@ class Skills:
 
     def substep(self, i: int, step: Callable[[], object] | None = None) -> None:
         """One physics step of a control period that was begun; `step` steps the world, `World.step` by default."""
-        self._arm.drive((i + 1) / self._physics.steps_a_frame)
+        part = (i + 1) / self._physics.steps_a_frame
+        self._arm.drive(part)
         (step or self._world.step)()
         if (i + 1) % self._physics.steps_a_touch == 0:
-            self._recording.gripper(self._arm.sample(self._recording.time_ns()))
+            sample = self._arm.sample(self._recording.time_ns())
+            self._recording.gripper(sample)
+            self._felt = [*self._felt[1 - _SMOOTH :], -float(sample.left_force[0] + sample.right_force[0])]
+            if np.mean(self._felt) > self._most_force:
+                self._arm.stop(part)
+                self.stopped, self._most_force = True, np.inf
 
     def frame(self, turning: Iterator[None] | None = None) -> None:
         """One control period that was begun.
@@ -121,7 +133,7 @@ class Skills:
             raise Failure("self_collision")
         contacts = self._recording.contacts
         touched = set(contacts.first[contacts.second < TABLE].tolist())
-        if touched - self.may_touch:
+        if touched - self.may_touch and not self._recording.has_collapsed():  # what falls may fall on the hand
             raise Failure("grasp_two_blocks" if self._target in self.may_touch else "bumped")
 
     def watching(self, i: int) -> None:
@@ -159,14 +171,15 @@ class Skills:
             start = np.asarray(end)
         return self._arm.plan(np.array(points).reshape(-1, 3), np.array(velocities).reshape(-1, 3))
 
-    def follow(self, path: Path, until: Callable[[], bool] = lambda: False) -> bool:
-        """Go along a path; whether `until` stopped it before its end."""
+    def follow(self, path: Path, force: float = np.inf) -> None:
+        """Go along a path, until what pushes the hand back along -x is more than `force` [N] or the tower falls."""
+        self._most_force, self.stopped = force, False
         for k in range(len(path.point)):
             self._arm.begin_knot(path, k)
             self.frame()
-            if until():
-                return True
-        return False
+            if self.stopped or (np.isfinite(force) and self._recording.has_collapsed()):
+                break
+        self._most_force = np.inf
 
     # --- skills ------------------------------------------------------------------------------------------------------
 
@@ -221,7 +234,7 @@ class Skills:
         self.follow(self.straight(ready, speed=config.approach_speed))
         self.touch(*range(len(before)))
         forward = self.straight(ready + (_SAFE + config.push_distance) * _X, speed=config.push_speed)
-        self.follow(forward, lambda: self._resistance() > config.push_force or recording.has_collapsed())
+        self.follow(forward, force=config.push_force)
         self.follow(self.straight(ready, speed=config.approach_speed))
         self.leave_alone()
         self.follow(self.straight(ready - _BEHIND * _X, speed=config.speed))
@@ -314,10 +327,6 @@ class Skills:
     def _stick_grip(self) -> Float[np.ndarray, "3"]:
         """Where the fingers hold the stick in its holder."""
         return STICK_PLACE - (STICK_LENGTH / 2 - STICK_GRIP) * _X
-
-    def _resistance(self) -> float:
-        """What pushes the hand back along -x [N]."""
-        return float(-self._arm.felt()[:, 0].sum())
 
     def _close(self) -> None:
         for k in range(_CLOSE_FRAMES):

@@ -201,6 +201,11 @@ class Arm(Fingers):
         way = np.asarray(displacement, float)
         self.begin_knot(self.plan((self.set_point + way)[None], (way / PERIOD)[None]), 0)
 
+    def stop(self, part: float) -> None:
+        """Stay at once where the arm is to be at `part` of the running period."""
+        self._joints.stop(part)
+        self._line.stop(part)
+
     def drive(self, part: float) -> None:
         """Command the joints at `part` (0 to 1) of the running period. The controller's damping and the arm's
         inverse dynamics are fed forward: a motion as planned has no lag."""

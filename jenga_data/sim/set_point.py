@@ -26,6 +26,12 @@ class SetPoint:
         self._from, self._from_velocity = self.knot, self.knot_velocity
         self.knot, self.knot_velocity = np.asarray(knot, float), np.asarray(velocity, float)
 
+    def stop(self, part: float) -> None:
+        """Stay at once where the set point is at `part` of the running period, for an emergency."""
+        position, _, _ = self.at(part)
+        self.knot = self._from = position
+        self.knot_velocity = self._from_velocity = np.zeros_like(position)
+
     def at(
         self, part: float
     ) -> tuple[Float[np.ndarray, " axis"], Float[np.ndarray, " axis"], Float[np.ndarray, " axis"]]:
