@@ -33,7 +33,7 @@ CAUSES = {
     "grasp_missed": "the fingers closed and nothing was between them",
     "grasp_two_blocks": "the fingers touched another block than the target",
     "slipped": "the target moved in the fingers by more than 5 mm",
-    "out_of_reach": "the next action would have taken the hand out of the arm's reach or speed",
+    "out_of_reach": "an action or a skill would have taken the hand out of the arm's reach or speed",
     "dropped": "the target fell out of the fingers",
     "out_of_time": "the target was still in the tower after the last action",
 }

@@ -24,7 +24,7 @@ CHEAP += ("--spawn.settle", "0.064", "--rounds", "1")
 """Physics that is good enough for the command line."""
 COLLECT = {
     "selection": ("collect", "selection", *CHEAP, "--speed", "0.3", "--pull-seconds", "0.3"),
-    "extraction": ("collect", "extraction", *CHEAP, "--slowest", "0.008"),
+    "extraction": ("collect", "extraction", "--gripper", *CHEAP, "--slowest", "0.008"),
 }
 CHEAP_CLOSED_LOOP = """
 import jenga_control.evaluate_extraction as module
@@ -33,7 +33,8 @@ from jenga_data.sim.physics import PhysicsConfig
 
 def cheap():
     physics = PhysicsConfig(timestep_ns=4_000_000, sleep_tolerance=0.1, impratio=1.0)
-    return ExtractionConfig(spawn=SpawnConfig(last_round=1, settle=0.064), physics=physics)
+    spawn = SpawnConfig(last_round=1, settle=0.064)
+    return ExtractionConfig(body="gripper", spawn=spawn, physics=physics)
 
 module.ExtractionConfig = cheap
 """

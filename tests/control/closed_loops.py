@@ -20,6 +20,7 @@ from jenga_data.tower import Layout, TowerState
 from jenga_models.config import DynamicsTraining
 
 CHEAP = ExtractionConfig(
+    body="gripper",
     spawn=SpawnConfig(last_round=1, settle=0.064),
     physics=PhysicsConfig(timestep_ns=4_000_000, sleep_tolerance=0.1, impratio=1.0),
 )
