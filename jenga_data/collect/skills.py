@@ -18,7 +18,7 @@ from jenga_data.geometry import rotation_matrices
 from jenga_data.sim.arm import Path
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, STICK_REACH, STICK_WIDTH, TRAY, Robot
 from jenga_data.sim.set_point import PERIOD
-from jenga_data.sim.turntable import MinimumJerk, whole_frames
+from jenga_data.sim.turntable import MinimumJerk, WokenError, whole_frames
 
 CAUSES = {
     "unsettled": "the tower did not come to rest before it was to be turned",
@@ -79,6 +79,7 @@ class Skills:
         """Blocks that hand or stick are meant to touch at present."""
         self.left_alone: int | None = 0
         """The frame from which on nothing touches the tower, which may sleep then; None while something does."""
+        self._woken = False
         self.cause = ""
         """The first of `CAUSES` that was noted."""
 
@@ -107,6 +108,8 @@ class Skills:
         if self.left_alone is not None:
             let_sleep(self._recording, self.left_alone)
         self._watch()
+        if self._woken:
+            raise Failure("bumped")
 
     def touch(self, *blocks: int) -> None:
         """From now on these blocks may be touched, and the tower stays awake."""
@@ -172,10 +175,15 @@ class Skills:
     # --- skills ------------------------------------------------------------------------------------------------------
 
     def turn(self, angle: float, along: Path | None = None) -> None:
-        """Turn the sleeping tower with its table, while the arm goes along a path."""
+        """Turn the sleeping tower with its table, while the arm goes along a path.
+
+        Raises:
+            Failure: the tower does not come to rest, or something touched it.
+        """
         self._settle()
-        turning = self._robot.turntable.turn(angle, _TURN_SECONDS * max(abs(angle) / np.pi, 0.5))
-        frames = whole_frames(_TURN_SECONDS * max(abs(angle) / np.pi, 0.5))
+        seconds = _TURN_SECONDS * max(abs(angle) / np.pi, 0.5)
+        turning = self._watched_turn(self._robot.turntable.turn(angle, seconds))
+        frames = whole_frames(seconds)
         done = 0 if along is None else min(len(along.point), frames)
         for k in range(done):
             assert along is not None
@@ -186,6 +194,14 @@ class Skills:
             for k in range(done, len(along.point)):
                 self._arm.begin_knot(along, k)
                 self.frame()
+
+    def _watched_turn(self, turning: Iterator[None]) -> Iterator[None]:
+        """A turn that notes it when the tower is woken: the frame, whose last step was made, is still recorded."""
+        try:
+            yield from turning
+        except WokenError:
+            self._woken = True
+            yield
 
     def _settle(self) -> None:
         """Wait until the tower sleeps."""
