@@ -298,7 +298,7 @@ class Skills:
 
     def holds(self) -> bool:
         """Whether the fingers are on the target."""
-        return abs(self._arm.width - self._size[1]) < SLIP
+        return bool(abs(self._arm.width - self._size[1]) < SLIP)
 
     def put_down(self) -> None:
         """Carry the target away to the tray, put it down and draw back."""

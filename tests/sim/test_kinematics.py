@@ -11,7 +11,6 @@ from test_panda import LIMITS, forward
 from jenga_data.errors import UnreachableError
 from jenga_data.sim.arm import Kinematics, Path
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, TRAY
-from jenga_data.sim.set_point import PERIOD
 
 STICK = STICK_PLACE - [STICK_LENGTH / 2 - STICK_GRIP, 0, 0]
 """Where the hand takes the stick."""
