@@ -12,6 +12,7 @@ from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.skills import Failure, Skills
 from jenga_data.collect.stage import Stage
 from jenga_data.episode import Result
+from jenga_data.errors import UnreachableError
 from jenga_data.sim.robot import Robot, add_workplace
 from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
 from jenga_data.sim.world import World
@@ -49,6 +50,8 @@ def run_with_robot(
             _rollout(skills, recording, robot, stage, pull, config)
         except Failure as failure:
             skills.note(failure.cause)
+        except UnreachableError:
+            skills.note("out_of_reach")
         recording.phase("observe")
         observe(recording, config.physics, skills.watching)
         return recording.finish(skills.cause)
@@ -61,6 +64,7 @@ def _rollout(
 
     Raises:
         Failure: what ended it.
+        UnreachableError: so did a way that the arm cannot go.
     """
     quarter = np.pi / 2
     recording.phase("turn")

@@ -18,7 +18,7 @@ from jenga_data.geometry import rotation_matrices
 from jenga_data.sim.arm import Path
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, STICK_REACH, STICK_WIDTH, TRAY, Robot
 from jenga_data.sim.set_point import PERIOD
-from jenga_data.sim.turntable import MinimumJerk, whole_frames
+from jenga_data.sim.turntable import MinimumJerk, WokenError, whole_frames
 
 CAUSES = {
     "unsettled": "the tower did not come to rest before it was to be turned",
@@ -33,7 +33,7 @@ CAUSES = {
     "grasp_missed": "the fingers closed and nothing was between them",
     "grasp_two_blocks": "the fingers touched another block than the target",
     "slipped": "the target moved in the fingers by more than 5 mm",
-    "out_of_reach": "the next action would have taken the hand out of the arm's reach or speed",
+    "out_of_reach": "an action or a skill would have taken the hand out of the arm's reach or speed",
     "dropped": "the target fell out of the fingers",
     "out_of_time": "the target was still in the tower after the last action",
 }
@@ -85,6 +85,7 @@ class Skills:
         """Whether the last guarded motion met too much force."""
         self.left_alone: int | None = 0
         """The frame from which on nothing touches the tower, which may sleep then; None while something does."""
+        self._woken = False
         self.cause = ""
         """The first of `CAUSES` that was noted."""
 
@@ -118,6 +119,8 @@ class Skills:
         if self.left_alone is not None:
             let_sleep(self._recording, self.left_alone)
         self._watch()
+        if self._woken:
+            raise Failure("bumped")
 
     def touch(self, *blocks: int) -> None:
         """From now on these blocks may be touched, and the tower stays awake."""
@@ -184,10 +187,15 @@ class Skills:
     # --- skills ------------------------------------------------------------------------------------------------------
 
     def turn(self, angle: float, along: Path | None = None) -> None:
-        """Turn the sleeping tower with its table, while the arm goes along a path."""
+        """Turn the sleeping tower with its table, while the arm goes along a path.
+
+        Raises:
+            Failure: the tower does not come to rest, or something touched it.
+        """
         self._settle()
-        turning = self._robot.turntable.turn(angle, _TURN_SECONDS * max(abs(angle) / np.pi, 0.5))
-        frames = whole_frames(_TURN_SECONDS * max(abs(angle) / np.pi, 0.5))
+        seconds = _TURN_SECONDS * max(abs(angle) / np.pi, 0.5)
+        turning = self._watched_turn(self._robot.turntable.turn(angle, seconds))
+        frames = whole_frames(seconds)
         done = 0 if along is None else min(len(along.point), frames)
         for k in range(done):
             assert along is not None
@@ -198,6 +206,14 @@ class Skills:
             for k in range(done, len(along.point)):
                 self._arm.begin_knot(along, k)
                 self.frame()
+
+    def _watched_turn(self, turning: Iterator[None]) -> Iterator[None]:
+        """A turn that notes it when the tower is woken: the frame, whose last step was made, is still recorded."""
+        try:
+            yield from turning
+        except WokenError:
+            self._woken = True
+            yield
 
     def _settle(self) -> None:
         """Wait until the tower sleeps."""
@@ -294,7 +310,7 @@ class Skills:
 
     def holds(self) -> bool:
         """Whether the fingers are on the target."""
-        return abs(self._arm.width - self._size[1]) < SLIP
+        return bool(abs(self._arm.width - self._size[1]) < SLIP)
 
     def put_down(self) -> None:
         """Carry the target away to the tray, put it down and draw back."""

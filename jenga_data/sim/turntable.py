@@ -52,6 +52,10 @@ class MinimumJerk:
         )
 
 
+class WokenError(ValueError):
+    """Something touched the tower while the table turned."""
+
+
 class Turntable:
     """The turntable of a `World`."""
 
@@ -89,7 +93,8 @@ class Turntable:
             seconds: how long it takes, rounded up to whole control steps.
 
         Raises:
-            ValueError: a block is awake or does not stand on the turntable; later, a block was woken by a touch.
+            ValueError: a block is awake or does not stand on the turntable.
+            WokenError: later, at the end of a control step: a block was woken by a touch.
         """
         self._check()
         return self._steps(MinimumJerk(angle, whole_frames(seconds) * CONTROL_STEP_NS * 1e-9))
@@ -115,7 +120,7 @@ class Turntable:
                 yield
                 continue
             if awake := world.awake_blocks:
-                raise ValueError(f"blocks {awake} were woken while the table turned: something touched them")
+                raise WokenError(f"blocks {awake} were woken while the table turned: something touched them")
             angle, rate, acceleration = profile.at(k / count * profile.seconds)
             turned = turn_poses(pose, angle)
             world.move_asleep(turned, turning(turned, rate), (table + angle, rate))

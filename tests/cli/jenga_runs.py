@@ -33,7 +33,8 @@ from jenga_data.sim.physics import PhysicsConfig
 
 def cheap():
     physics = PhysicsConfig(timestep_ns=4_000_000, sleep_tolerance=0.1, impratio=1.0)
-    return ExtractionConfig(body="gripper", spawn=SpawnConfig(last_round=1, settle=0.064), physics=physics)
+    spawn = SpawnConfig(last_round=1, settle=0.064)
+    return ExtractionConfig(body="gripper", spawn=spawn, physics=physics)
 
 module.ExtractionConfig = cheap
 """

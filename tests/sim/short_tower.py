@@ -21,7 +21,8 @@ LEVELS = 4
 PHYSICS = PhysicsConfig()
 SPAWN = SpawnConfig(first_round=1, last_round=2, stand=0.32)
 SELECTION = SelectionConfig(spawn=SPAWN)
-EXTRACTION = ExtractionConfig(spawn=SPAWN)
+EXTRACTION = ExtractionConfig(body="gripper", spawn=SPAWN)
+"""Without an arm, which is quick."""
 
 
 def short_towers(levels: int = LEVELS):

@@ -11,6 +11,7 @@ from jenga_data.collect.config import (
     Actor,
     CollectConfig,
     ExtractionConfig,
+    RobotConfig,
     SelectionConfig,
     SpawnConfig,
     config_dict,
@@ -33,6 +34,7 @@ OTHER: dict[str, Any] = {
     "impedance": 0.99,
     "wedge": True,
     "sticks_out": 0.015,
+    "body": "gripper",
 }
 """Another allowed value where a number cannot simply be made a little smaller."""
 
@@ -101,6 +103,11 @@ def test_values_that_are_no_configuration_are_refused(change, message):
         (lambda: ExtractionConfig(slowest=0), "slowest 0, fastest 0.017; allowed: 0 < slowest <= fastest <= 0.02"),
         (lambda: ExtractionConfig(fastest=0.021), "fastest 0.021"),
         (lambda: ExtractionConfig(slowest=0.01, fastest=0.009), "slowest 0.01, fastest 0.009"),
+        (lambda: ExtractionConfig(body="hand"), "body is 'hand'; allowed: robot, gripper"),
+        (lambda: RobotConfig(push_speed=0), "speeds, acceleration and push-force must be positive"),
+        (lambda: RobotConfig(push_force=-1), "push-force must be positive"),
+        (lambda: RobotConfig(push_distance=0.04), "push-distance 0.04, push-tolerance 0.003; allowed: 0 < "),
+        (lambda: RobotConfig(push_tolerance=0.02), "push-tolerance 0.02; allowed: .* push-distance <= 0.03"),
     ],
 )
 def test_configurations_that_cannot_be_are_refused(make, message):

@@ -40,6 +40,10 @@ class Puppet(World):
         return np.zeros((len(self.blocks), 6))
 
     @property
+    def table_angle(self) -> float:
+        return 0.0
+
+    @property
     def time_ns(self) -> int:
         return self.now_ns
 

@@ -19,7 +19,7 @@ from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE, run_extractio
 from jenga_data.collect.rollout import OpenLog
 from jenga_data.dataset.rows import Ragged, rows_of
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, TABLE, Episode, Result
-from jenga_data.geometry import clear_of_others
+from jenga_data.geometry import clear_of_others, in_table_frame
 from jenga_data.graph import support_edges
 from jenga_data.log.reader import attachment, read_episode
 from jenga_data.log.report import doctor
@@ -31,6 +31,7 @@ from jenga_data.tower import TowerState
 
 SEED = 0
 STEP_NS = 32_000_000
+AWAY = 0.05
 TOUCH_NS = 4_000_000
 
 
@@ -129,7 +130,8 @@ def test_frames_are_a_control_step_apart_and_begin_at_rest(logged):
 
 def test_the_verdict_is_that_of_the_logged_poses(logged):
     episode = logged.episode
-    again = judge(episode.pose, episode.header.blocks.size, episode.header.target, STEP_NS * 1e-9)
+    pose = in_table_frame(episode.pose, episode.turntable)  # a pull turns its drive a little
+    again = judge(pose, episode.header.blocks.size, episode.header.target, STEP_NS * 1e-9)
     assert again == logged.result.verdict
     assert clear_of_others(episode.pose[-1], episode.header.blocks.size, episode.header.target)
 
@@ -253,7 +255,13 @@ def test_actions_are_what_the_arm_can_make(gripped):
     action = gripped.episode.action
     assert (np.abs(action) <= LIMITS).all()
     assert (np.abs(np.diff(action[:, 0], prepend=0.0)) <= MAX_STEP_CHANGE + 1e-15).all()
-    assert (action[:, 0] < 0).all()
+    start = gripped.episode.action_frame[0]
+    x = gripped.episode.pose[:, gripped.episode.header.target, 0]
+    clear = gripped.result.verdict.clear_frame
+    away = int(np.argmax(x[clear] - x > AWAY)) - start  # from here on the hand is at rest
+    assert 10 < away < len(action) - 3
+    assert (action[:away, 0] < 0).all()
+    assert not action[away + 2 :].any()
 
 
 def test_the_hand_reaches_what_is_commanded_and_takes_the_block_along(gripped):
