@@ -85,7 +85,8 @@ def _key_frames(episode: Episode, last: int) -> list[Moment]:
         events.insert(1, Moment(push + int(np.argmax(way >= 0.98 * way.max())), "pushed"))
     if (pull := begun.get("pull")) is not None:
         clear = episode.result.verdict.clear_frame if episode.result else -1
-        until = clear if clear > pull else begun.get("release", last)
+        ends = [clear, begun.get("put_down", -1), begun.get("release", -1)]
+        until = min((end for end in ends if end > pull), default=last)
         events.append(Moment((pull + until) // 2, "pull"))
     if "put_down" not in begun:
         events.append(Moment(last, "end"))

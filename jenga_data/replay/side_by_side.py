@@ -87,9 +87,11 @@ def film_strip(episode: Episode, moments: Sequence[Moment] | None = None, height
     rows = 1 if episode.robot is None else 2
     height = min(height, round(rows * _WIDEST / camera.aspect))
     # A log that ends after a frame or two gets no narrower a figure, so that its title fits.
-    grid = _Grid(len(moments), -(-max(MOMENTS, len(moments)) // rows), camera, height, lines=2, heading=2)
+    title, what = strip_title(episode)
+    heading = [*title.split("; ", rows - 1), what]
+    grid = _Grid(len(moments), -(-max(MOMENTS, len(moments)) // rows), camera, height, lines=2, heading=len(heading))
     with style.applied():
-        figure = grid.figure(*strip_title(episode))
+        figure = grid.figure(*heading)
         for number, (moment, (tower, parts)) in enumerate(zip(moments, scenes, strict=True)):
             where = grid.axes(figure, number, f"{moment.name}\n{time[moment.frame]:.2f} s")
             render_tower(where, tower.pose, size, colours=colours, others=parts, camera=camera, height=height)

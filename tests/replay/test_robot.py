@@ -12,12 +12,12 @@ from made_up_episode import TARGET, make_episode, random_quaternions
 from rerun.chunk import Chunk, RrdReader
 from three_link_robot import BASE, MODEL, REACH, track
 
-from jenga_data.episode import ROBOT, Contacts, Episode, Link, RobotModel, Solid
+from jenga_data.episode import ROBOT, Contacts, Episode, Link, Phase, RobotModel, Solid
 from jenga_data.geometry import rotation_matrices
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.measures import displacement
-from jenga_data.replay.moments import Moment
+from jenga_data.replay.moments import Moment, telling_moments
 from jenga_data.replay.paint import TURNTABLE
 from jenga_data.replay.picture import AZIMUTH, free_azimuth, render_tower, robot_parts, tower_camera
 from jenga_data.replay.raster import NOTHING, Camera, rasterise
@@ -231,14 +231,42 @@ def test_the_stand_is_a_disc_on_a_column(tmp_path: Path) -> None:
     assert TURNTABLE.has_column
 
 
-def test_a_robot_does_not_shrink_the_tower_of_a_film_strip(episode: Episode) -> None:
-    """The strip is framed by the tower; the gripper alone may widen it."""
-    moments = [Moment(60, "pull")]
-    tall = with_robot(episode)
-    assert tall.robot is not None
-    tall.robot.link_pose[:, 0, 2] += 0.5
-    sizes = [film_strip(e, moments, height=200).get_size_inches().tolist() for e in (with_robot(episode), tall)]
-    assert sizes[0] == sizes[1]
+def test_a_film_strip_of_a_robot_has_two_rows_and_shows_what_is_near_the_tower(episode: Episode) -> None:
+    """What is far from the tower would make it small, and does not widen the view."""
+    moments = [Moment(60, "pull")] * 6
+    near, far = with_robot(episode), with_robot(episode)
+    assert far.robot is not None
+    far.robot.link_pose[:, 0, 0] -= 5.0
+    strips = [film_strip(e, moments, height=200) for e in (episode, near, far)]
+    columns, rows = zip(
+        *(
+            (
+                len({round(a.get_position().x0, 6) for a in strip.axes}),
+                len({round(a.get_position().y0, 6) for a in strip.axes}),
+            )
+            for strip in strips
+        ),
+        strict=True,
+    )
+    assert columns == (6, 3, 3)
+    assert rows == (1, 2, 2)
+    wide, narrow = (strip.get_size_inches()[0] for strip in strips[1:])
+    assert narrow <= wide
+
+
+def test_the_moments_of_a_robot_are_the_papers_key_frames(episode: Episode) -> None:
+    phases = [
+        Phase(k * 8, k * 8 * 32_000_000, name)
+        for k, name in enumerate(("turn", "take_stick", "push", "turn_back", "approach", "grasp", "pull", "put_down"))
+    ]
+    moving = episode.pose.copy()
+    moving[:, episode.header.target, 0] += np.clip((np.arange(len(moving)) - 16) * 0.005, 0, 0.02)
+    told = telling_moments(replace(with_robot(episode), phases=phases, pose=moving))
+    assert [m.name for m in told] == ["stick taken", "pushed", "turned back", "grasped", "pull", "extracted"]
+    assert [m.frame for m in told[:4]] == [16, 20, 32, 48]
+    failed = telling_moments(replace(with_robot(episode), phases=phases[:4], pose=moving))
+    assert [m.name for m in failed[:2]] == ["stick taken", "pushed"]
+    assert failed[-1].name == "end"
 
 
 @pytest.mark.parametrize("bearing", [0.0, 1.0, 2.5, np.pi, -2.0, -0.5])
