@@ -5,6 +5,7 @@ The stick and the block are held by the fingers' friction alone.
 """
 
 from collections.abc import Callable, Iterator
+from functools import partial
 
 import numpy as np
 from jaxtyping import Float
@@ -103,7 +104,7 @@ class Skills:
             Failure: the arm collided, or touched a block that it should not.
         """
         self._recording.advance(
-            lambda i: self.substep(i, (lambda: next(turning)) if turning else None), self._physics.steps_a_frame
+            lambda i: self.substep(i, partial(next, turning) if turning else None), self._physics.steps_a_frame
         )
         if self.left_alone is not None:
             let_sleep(self._recording, self.left_alone)

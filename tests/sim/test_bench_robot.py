@@ -76,7 +76,7 @@ def test_a_case_says_all_of_one_episode():
 def test_proportions_are_those_of_the_cases(tmp_path):
     report = bench_robot(Run(TOWERS, 0, 1, tmp_path), CONFIG)
 
-    def share(name: str) -> tuple[float, int]:
+    def share(name: str) -> tuple[Any, int]:
         return pytest.approx(report[name]["rate"]), report[name]["n"]
 
     assert share("loose") == (0.5, 10)
