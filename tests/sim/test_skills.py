@@ -146,6 +146,21 @@ def test_a_tower_that_is_touched_while_it_turns_was_bumped_and_its_frame_is_whol
     assert place.recording.time_ns() == place.recording.frame * 32_000_000 == place.log.frames[-1].time_ns
 
 
+def test_a_turn_ends_where_the_tower_wakes_whatever_woke_it():
+    place = workplace()
+    turning = place.robot.turntable.turn
+
+    def woken(angle: float, seconds: float):
+        for k, step in enumerate(turning(angle, seconds)):
+            if k == 40:
+                place.world.data.xfrc_applied[place.world.model.body("block_5").id, 2] = 0.1
+            yield step
+
+    place.robot.turntable.turn = woken
+    assert failure_of(place.skills.turn, np.pi) == "bumped"
+    assert place.recording.time_ns() == place.recording.frame * 32_000_000 == 3 * 32_000_000
+
+
 def test_a_tower_that_does_not_come_to_rest_is_not_turned():
     place = workplace()
     place.world.model.opt.sleep_tolerance = 0.0
