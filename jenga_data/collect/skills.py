@@ -26,6 +26,7 @@ CAUSES = {
     "bumped": "the arm, the hand or the stick touched the tower where it should not have",
     "self_collision": "the arm touched itself, the table or what stands on it",
     "stick_missed": "the hand closed and did not hold the stick",
+    "stick_lost": "the stick did not come to lie in its holder again",
     "push_stuck": "the target did not come out far enough before the push became too hard",
     "push_dragged_layer": "the push moved another block by more than 5 mm",
     "push_toppled": "the tower fell during the push",
@@ -45,6 +46,8 @@ _X, _Z = np.eye(3)[0], np.eye(3)[2]
 _STICK_LIFT = 0.04
 _DROP = 0.001
 """What is put down is let go so far above where it will lie [m]."""
+_PUT_BACK = 0.005
+"""The stick is back when it lies so near to where it lay [m]."""
 _BEHIND = 0.05
 """The open hand comes from so far behind what it grasps [m]."""
 _SAFE = 0.004
@@ -202,6 +205,8 @@ class Skills:
             self._arm.begin_knot(along, k)
             self.frame(turning)
         self.hold(frames - done, turning)
+        if self._recording.has_collapsed():
+            raise Failure("turn_toppled")
         if along is not None:
             for k in range(done, len(along.point)):
                 self._arm.begin_knot(along, k)
@@ -271,6 +276,8 @@ class Skills:
         """Open the fingers over the holder and draw back."""
         self._open()
         self.follow(self.straight(self._arm.set_point - _BEHIND * _X, speed=self._config.speed))
+        if np.linalg.norm(self._robot.stick - STICK_PLACE) > _PUT_BACK:
+            self.note("stick_lost")
 
     def sticks_out(self) -> float:
         """By how much the target's end at -x sticks out in front of everything that the fingers could touch [m]."""

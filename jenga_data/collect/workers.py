@@ -186,9 +186,9 @@ def _check_recipe(path: Path, wanted: dict[str, object]) -> None:
                 f"{path.parent} holds episodes of another configuration or seed (see {path.name}); choose another --out"
             )
         return
-    others = [p.name for p in path.parent.iterdir() if p.name != ".lock"]
+    partial_path = path.with_suffix(".json.partial")  # of a run that was stopped just then
+    others = [p.name for p in path.parent.iterdir() if p.name not in (".lock", partial_path.name)]
     if others:
         raise JengaError(f"{path.parent} exists and is no collection (it holds {others[0]}); choose another --out")
-    partial_path = path.with_suffix(".json.partial")
     partial_path.write_bytes(msgspec.json.format(msgspec.json.encode(wanted, order="deterministic")))
     partial_path.rename(path)

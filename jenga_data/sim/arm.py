@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data import palette
-from jenga_data.episode import GripperSample
 from jenga_data.errors import UnreachableError
 from jenga_data.sim.fingers import Fingers, add_fingers
 from jenga_data.sim.panda import JOINTS, add_arm, limits
@@ -138,8 +137,8 @@ class Kinematics:
             if np.abs(error[:3]).max() < _REACHED and np.abs(error[3:]).max() < _ALIGNED:
                 return configuration.q.copy()
         raise UnreachableError(
-            f"the arm cannot take the hand to {_text(where)} m: the best is {np.linalg.norm(error[:3]) * 1e3:.1f} mm "
-            f"and {np.degrees(np.linalg.norm(error[3:])):.1f} degrees away"
+            f"the arm cannot take the hand to {_text(where)} m: the best is {np.linalg.norm(error[:3]) * 1e3:.2g} mm "
+            f"and {np.degrees(np.linalg.norm(error[3:])):.2g} degrees away"
         )
 
 
@@ -212,9 +211,3 @@ class Arm(Fingers):
         position, velocity, acceleration = self._joints.at(part)
         forward = self._damping * velocity + self._kinematics.torque(position, velocity, acceleration)
         self._world.data.ctrl[self._drives] = position + forward / self._stiffness
-
-    def sample(self, time_ns: int) -> GripperSample:
-        """Pose, opening and fingertip forces at this moment."""
-        left, right = self.felt()
-        pose = np.concatenate([self.position, self.orientation])
-        return GripperSample(time_ns=time_ns, pose=pose, width=self.width, left_force=left, right_force=right)

@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data import palette
+from jenga_data.episode import GripperSample
 from jenga_data.sim.physics import GripperConfig, PhysicsConfig
 from jenga_data.sim.scene import wood_contact
 from jenga_data.sim.world import World
@@ -80,14 +81,20 @@ class Fingers:
     @property
     def position(self) -> Float[np.ndarray, "3"]:
         """Of the point between the fingertips [m]."""
-        return self._world.data.site_xpos[self._site].copy()
+        return self._world.kinematics().site_xpos[self._site].copy()
 
     @property
-    def orientation(self) -> Float[np.ndarray, "4"]:
-        """Of the gripper's frame, a wxyz quaternion."""
-        out = np.empty(4)
-        mujoco.mju_mat2Quat(out, self._world.data.site_xmat[self._site])
+    def pose(self) -> Float[np.ndarray, "7"]:
+        """Of the gripper's frame: position [m] and wxyz quaternion."""
+        out, now = np.empty(7), self._world.kinematics()
+        out[:3] = now.site_xpos[self._site]
+        mujoco.mju_mat2Quat(out[3:], now.site_xmat[self._site])
         return out
+
+    def sample(self, time_ns: int) -> GripperSample:
+        """Pose, opening and fingertip forces at this moment."""
+        left, right = self.felt()
+        return GripperSample(time_ns=time_ns, pose=self.pose, width=self.width, left_force=left, right_force=right)
 
     @property
     def width(self) -> float:

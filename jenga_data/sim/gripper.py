@@ -5,7 +5,6 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data import palette
-from jenga_data.episode import GripperSample
 from jenga_data.sim.fingers import Fingers, add_fingers
 from jenga_data.sim.physics import GripperConfig, PhysicsConfig
 from jenga_data.sim.set_point import PERIOD, SetPoint
@@ -53,9 +52,3 @@ class Gripper(Fingers):
         constant speed has no lag."""
         position, velocity, _ = self._set_point.at(part)
         self._world.data.ctrl[self._slides] = position - self._origin + self._lead * velocity
-
-    def sample(self, time_ns: int) -> GripperSample:
-        """Pose, opening and fingertip forces at this moment."""
-        left, right = self.felt()
-        pose = np.concatenate([self.position, self.orientation])
-        return GripperSample(time_ns=time_ns, pose=pose, width=self.width, left_force=left, right_force=right)

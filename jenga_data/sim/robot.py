@@ -82,12 +82,12 @@ class Robot:
         return RobotModel(tuple(joint.name for joint in self._joints), links)
 
     def state(self) -> RobotState:
-        data = self.world.data
+        data, now = self.world.data, self.world.kinematics()
         return RobotState(
             position=data.qpos[self._qpos],
             velocity=data.qvel[self._qvel],
             torque=data.qfrc_actuator[self._qvel],
-            link_pose=np.concatenate([data.xpos[self._bodies], data.xquat[self._bodies]], axis=1),
+            link_pose=np.concatenate([now.xpos[self._bodies], now.xquat[self._bodies]], axis=1),
         )
 
     def _geoms_of(self, *bodies: str) -> Bool[np.ndarray, " geom"]:
@@ -97,7 +97,7 @@ class Robot:
     @property
     def stick(self) -> Float[np.ndarray, "3"]:
         """Where the stick's middle is [m]."""
-        return self.world.data.xpos[self._stick].copy()
+        return self.world.kinematics().xpos[self._stick].copy()
 
     def collides(self) -> bool:
         """Whether a link of the arm touches another, or something that stands on the table."""

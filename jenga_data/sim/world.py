@@ -134,14 +134,20 @@ class World:
         data.qvel[self._qvel[:, :3]] = twist[:, :3]
         data.qvel[self._qvel[:, 3:]] = np.einsum("bji,bj->bi", rotation, twist[:, 3:])
         data.joint("turntable").qpos[0], data.joint("turntable").qvel[0] = table
-        self._elsewhere.qpos[:] = data.qpos
+        derived = self.kinematics()
+        mujoco.mj_comPos(self.model, derived)
+        for name in _DERIVED:
+            getattr(data, name)[:] = getattr(derived, name)
+
+    def kinematics(self) -> mujoco.MjData:
+        """Where bodies, geoms and sites are at this moment; `data` has them one physics step late. Valid until it is
+        asked for again."""
+        self._elsewhere.qpos[:] = self.data.qpos
         flags = self.model.opt.enableflags
         self.allow_sleep(False)
         mujoco.mj_kinematics(self.model, self._elsewhere)
-        mujoco.mj_comPos(self.model, self._elsewhere)
         self.model.opt.enableflags = flags
-        for name in _DERIVED:
-            getattr(data, name)[:] = getattr(self._elsewhere, name)
+        return self._elsewhere
 
     @cached_property
     def _elsewhere(self) -> mujoco.MjData:

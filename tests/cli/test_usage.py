@@ -6,6 +6,8 @@ import pytest
 from jenga_runs import jenga, run_apart
 
 import cli
+from jenga_data.collect.config import ExtractionConfig, recipe
+from jenga_data.collect.workers import CollectSummary
 
 
 @pytest.mark.parametrize(
@@ -47,6 +49,39 @@ def test_wrong_usage_is_one_line_in_a_terminal_of_colours(monkeypatch):
     assert line.startswith(
         "jenga: invalid choice 'greedy' for argument '--objective'. Expected one of ('full', 'naive',"
     )
+
+
+def test_an_extraction_has_one_body(tmp_path):
+    both = ("--robot", "--gripper", "--episodes", 1, "--out", tmp_path / "out")
+    line = jenga("collect", "extraction", *both).line()
+    assert line == "jenga: --robot and --gripper exclude each other; allowed: one of them"
+    assert not (tmp_path / "out").exists()
+    other = jenga("collect", "extraction", "--body", "hand", *both[2:]).line()
+    assert other.startswith("jenga: body is 'hand'; allowed: robot, gripper")
+
+
+@pytest.mark.parametrize(
+    ("options", "body"),
+    [
+        ((), "robot"),
+        (("--robot",), "robot"),
+        (("--body", "robot"), "robot"),
+        (("--gripper",), "gripper"),
+        (("--body", "gripper"), "gripper"),
+        (("--body", "robot", "--gripper"), "gripper"),
+    ],
+)
+def test_short_options_make_the_recipe_of_the_long_one(options, body, tmp_path, monkeypatch):
+    recipes = []
+
+    def collect(config, seed, episodes, workers, out) -> CollectSummary:
+        recipes.append(recipe(config))
+        return CollectSummary(episodes, {}, {}, 0, 0.0, str(out))
+
+    monkeypatch.setattr("jenga_data.collect.workers.collect", collect)
+    ran = jenga("collect", "extraction", *options, "--episodes", 1, "--out", tmp_path / "out")
+    assert (ran.code, ran.err) == (0, "")
+    assert recipes == [recipe(ExtractionConfig(body=body))]
 
 
 @pytest.mark.parametrize("rounds", ["3-", "-3", "a", "1-2-3", "", "1.5", "²"])

@@ -3,6 +3,8 @@
 
 """Where the arm can take its hand, how, and what it refuses."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from robot_stage import ARM, GRIPPER
@@ -12,7 +14,8 @@ from jenga_data.errors import UnreachableError
 from jenga_data.sim.arm import Kinematics, Path
 from jenga_data.sim.robot import STICK_GRIP, STICK_LENGTH, STICK_PLACE, TRAY
 
-STICK = STICK_PLACE - [STICK_LENGTH / 2 - STICK_GRIP, 0, 0]
+X, Z = np.eye(3)[0], np.eye(3)[2]
+STICK = STICK_PLACE - (STICK_LENGTH / 2 - STICK_GRIP) * X
 """Where the hand takes the stick."""
 
 
@@ -35,8 +38,7 @@ def hand(joint: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def way(*through: np.ndarray | tuple[float, float, float], knot: float = 0.01) -> np.ndarray:
     """Points along straight lines, `knot` [m] apart at most."""
     points = []
-    for start, end in zip(through[:-1], through[1:], strict=True):
-        start, end = np.array(start), np.array(end)
+    for start, end in pairwise(map(np.array, through)):
         count = int(np.ceil(np.linalg.norm(end - start) / knot))
         points += [start + (k + 1) / count * (end - start) for k in range(count)]
     return np.array(points)
@@ -77,7 +79,7 @@ def test_the_whole_workspace_is_reached_with_a_level_hand_and_a_margin(kinematic
         assert margin(joint) > 20
 
 
-@pytest.mark.parametrize("place", [STICK, STICK + [-0.05, 0, 0], STICK + [0, 0, 0.04], TRAY + [-0.03, 0, 0.01]])
+@pytest.mark.parametrize("place", [STICK, STICK - 0.05 * X, STICK + 0.04 * Z, TRAY - 0.03 * X + 0.01 * Z])
 def test_the_holder_and_the_tray_are_reached(kinematics, place):
     path = taken(kinematics, way(ARM.home, place))
     np.testing.assert_allclose(hand(path.joint[-1])[0], place, atol=5e-5)
@@ -124,6 +126,6 @@ def test_a_way_that_is_too_fast_is_refused_with_the_joint_that_cannot(kinematics
 
 
 def test_a_velocity_that_is_too_high_is_refused_although_the_way_is_short(kinematics):
-    points = way(ARM.home, np.array(ARM.home) + [0.001, 0, 0])
+    points = way(ARM.home, np.array(ARM.home) + 0.001 * X)
     with pytest.raises(UnreachableError, match="of its speed limit"):
         kinematics.path(kinematics.home, points, np.array([[5.0, 0.0, 0.0]]))

@@ -215,7 +215,7 @@ def test_the_block_is_carried_by_the_fingertips_friction(rolled):
     assert set(contacts.second[on_target].tolist()) == {LEFT_FINGER, RIGHT_FINGER}
     force = contacts.force[on_target]
     acceleration = (rolled.episode.twist[frame + 1] - rolled.episode.twist[frame - 1])[rolled.stage.target, :3] / 0.064
-    weight = rolled.episode.header.blocks.mass[rolled.stage.target] * (acceleration + [0, 0, 9.81])
+    weight = rolled.episode.header.blocks.mass[rolled.stage.target] * (acceleration + np.array([0, 0, 9.81]))
     np.testing.assert_allclose(force.sum(axis=0), weight, atol=0.03)
     assert np.abs(force[:, 1]).min() > 10
 

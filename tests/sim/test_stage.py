@@ -43,6 +43,20 @@ def test_the_target_of_an_extraction_sticks_out_at_minus_x(stages):
         assert stage.state.pose[stage.target, 0] == pytest.approx(expected, abs=0.003)
 
 
+def test_a_robot_finds_the_tower_as_it_was_grown_and_knows_how_to_turn_it():
+    """The same draws as without one: only the turn is yet to be made."""
+    config = replace(EXTRACTION, body="robot")
+    with short_towers():
+        for number in range(4):
+            grown, turned = set_stage(config, 0, number), set_stage(SELECTION, 0, number)
+            assert (grown.target, grown.face, grown.turn) == (turned.target, turned.face, turned.turn)
+            np.testing.assert_array_equal(grown.state.turned(grown.turn).pose, turned.state.pose)
+            along = rotation_matrices(grown.state.pose[:, 3:])[:, :, 0]
+            odd = grown.layout.orientation == 1
+            assert (np.abs(along[odd, 1]) > 0.99).all()
+            assert (np.abs(along[~odd, 0]) > 0.99).all()
+
+
 def test_the_same_seed_and_number_set_the_same_stage():
     with short_towers():
         one, same, other = (set_stage(SELECTION, 0, number) for number in (3, 3, 4))

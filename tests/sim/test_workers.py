@@ -166,6 +166,13 @@ def test_a_folder_with_other_things_in_it_is_refused_and_left_alone(tmp_path):
     assert {p.name for p in tmp_path.iterdir()} - {".lock"} == {"thesis.tex"}
 
 
+def test_a_folder_in_which_the_recipe_was_being_written_when_the_run_was_stopped_can_be_gone_on_with(tmp_path):
+    (tmp_path / "collection.json.partial").write_bytes(b'{"conf')
+    run(tmp_path)
+    assert (tmp_path / RECIPE).exists()
+    assert not (tmp_path / "collection.json.partial").exists()
+
+
 @pytest.mark.parametrize(
     "content", [b"{", b"[]", b"{}", b'{"config": 3}', b'{"config": {"kind": "selection", "x": 1}}']
 )
