@@ -194,6 +194,7 @@ def bench_robot(run: Run, config: ExtractionConfig) -> dict[str, Any]:
         "joint_speed_share": quantiles(np.array([f["speed"] for f in found])),
         "joint_torque_share": quantiles(np.array([f["torque"] for f in found])),
         "across_mm": quantiles(np.array([f["across_mm"] for f in found if f["across_mm"] is not None])),
+        "actions_in_tower": float(actions.mean()),
         "along_mm": quantiles(np.array([f["along_mm"] for f in found if f["along_mm"] is not None])),
     }
     rows = [

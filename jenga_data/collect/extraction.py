@@ -104,7 +104,7 @@ def _run_with_gripper(
         recording = Recording(world, log, stage.target)
 
         def substep(i: int) -> None:
-            gripper.drive((i + 1) / steps)
+            gripper.drive(i / steps)
             world.step()
             if (i + 1) % config.physics.steps_a_touch == 0:
                 recording.gripper(gripper.sample(recording.time_ns()))

@@ -100,15 +100,14 @@ class Skills:
 
     def substep(self, i: int, step: Callable[[], object] | None = None) -> None:
         """One physics step of a control period that was begun; `step` steps the world, `World.step` by default."""
-        part = (i + 1) / self._physics.steps_a_frame
-        self._arm.drive(part)
+        self._arm.drive(i / self._physics.steps_a_frame)
         (step or self._world.step)()
         if (i + 1) % self._physics.steps_a_touch == 0:
             sample = self._arm.sample(self._recording.time_ns())
             self._recording.gripper(sample)
             self._felt = [*self._felt[1 - _SMOOTH :], -float(sample.left_force[0] + sample.right_force[0])]
             if np.mean(self._felt) > self._most_force:
-                self._arm.stop(part)
+                self._arm.stop((i + 1) / self._physics.steps_a_frame)
                 self.stopped, self._most_force = True, np.inf
 
     def frame(self, turning: Iterator[None] | None = None) -> None:

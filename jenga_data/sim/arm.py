@@ -206,8 +206,10 @@ class Arm(Fingers):
         self._line.stop(part)
 
     def drive(self, part: float) -> None:
-        """Command the joints at `part` (0 to 1) of the running period. The controller's damping and the arm's
-        inverse dynamics are fed forward: a motion as planned has no lag."""
+        """Command the joints for the physics step that begins at `part` (0 to 1) of the running period.
+
+        The controller's damping and the arm's inverse dynamics are fed forward: a motion as planned has no lag.
+        """
         position, velocity, acceleration = self._joints.at(part)
         forward = self._damping * velocity + self._kinematics.torque(position, velocity, acceleration)
         self._world.data.ctrl[self._drives] = position + forward / self._stiffness

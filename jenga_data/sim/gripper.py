@@ -48,7 +48,9 @@ class Gripper(Fingers):
         self._set_point.begin(self._set_point.knot + way, way / PERIOD)
 
     def drive(self, part: float) -> None:
-        """Command the set point at `part` (0 to 1) of the running period. The damping's share is fed forward: a
-        constant speed has no lag."""
+        """Command the set point for the physics step that begins at `part` (0 to 1) of the running period.
+
+        The damping's share is fed forward: a constant speed has no lag.
+        """
         position, velocity, _ = self._set_point.at(part)
         self._world.data.ctrl[self._slides] = position - self._origin + self._lead * velocity

@@ -1,6 +1,6 @@
 """The robot in front of a short tower, ready for any skill."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from kept_record import Kept
@@ -15,6 +15,8 @@ from jenga_data.sim.scene import add_tower, base_spec
 from jenga_data.sim.world import World
 
 CONFIG = ExtractionConfig(spawn=SPAWN)
+LOOSE = replace(CONFIG, side=0.0001, slowest=0.004, fastest=0.006)
+"""A tower of four levels is light: a pull that goes up and down as much as in the data takes its upper levels along."""
 ARM, GRIPPER = CONFIG.robot.arm, CONFIG.gripper
 
 

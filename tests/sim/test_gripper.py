@@ -39,7 +39,7 @@ def run(gripper: Gripper, world: World, actions: np.ndarray) -> None:
     for action in actions:
         gripper.begin(action)
         for i in range(STEPS):
-            gripper.drive((i + 1) / STEPS)
+            gripper.drive(i / STEPS)
             world.step()
 
 

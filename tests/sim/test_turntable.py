@@ -167,7 +167,7 @@ def test_what_is_awake_moves_on_while_the_table_turns():
     for _ in range(whole_frames(0.32)):
         hand.begin(np.array([0.0, 0.0, 0.005]))
         for i in range(PHYSICS.steps_a_frame):
-            hand.drive((i + 1) / PHYSICS.steps_a_frame)
+            hand.drive(i / PHYSICS.steps_a_frame)
             next(motion)
     np.testing.assert_allclose(hand.position - start, [0, 0, 0.05], atol=1e-3)
     assert world.asleep
@@ -183,7 +183,7 @@ def way_to_a_touch(angle: float) -> float:
         assert hand.position[0] - start < 0.06
         hand.begin(np.array([0.002, 0.0, 0.0]))
         for i in range(steps):
-            hand.drive((i + 1) / steps)
+            hand.drive(i / steps)
             world.step()
     return float(hand.position[0] - start)
 
