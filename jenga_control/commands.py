@@ -111,6 +111,7 @@ def replay(
     png: MaybePath = None,
     time: float = 0.0,
     strip: MaybePath = None,
+    meshes: str = "",
     json: Json = False,
 ) -> Shown:
     """Show an episode in rerun, with models' predictions drawn over the truth.
@@ -123,8 +124,10 @@ def replay(
         png: take a screenshot without a screen (needs a Vulkan driver, such as Debian's mesa-vulkan-drivers).
         time: moment of the screenshot [s].
         strip: write six moments of the episode side by side as a PNG; needs neither rerun nor Vulkan.
+        meshes: draw the arm with its maker's look: a panda.xml of mujoco-menagerie, or "menagerie" to have
+            robot_descriptions fetch it (needs that package and the network).
     """
     from jenga_control.replay import replay as run
 
-    shown = run(episode, model, save=save, web=web, png=png, time=time, strip=strip)
+    shown = run(episode, model, save=save, web=web, png=png, time=time, strip=strip, meshes=meshes)
     return Shown(json, {"episode": str(episode), "written": [str(path) for path in shown]}, "\n".join(map(str, shown)))

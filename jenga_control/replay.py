@@ -18,10 +18,14 @@ def replay(
     png: Path | None = None,
     time: float = 0.0,
     strip: Path | None = None,
+    meshes: str = "",
 ) -> list[Path]:
     """Write a recording, a screenshot or a film strip, or open a viewer. Returns the files that were asked for.
 
     A film strip alone needs no rerun: that is imported only for what it is to show.
+
+    Args:
+        meshes: see `jenga_data.replay.meshes.link_meshes`; none by default.
 
     Raises:
         JengaError: the log or a checkpoint cannot be read, or there is no viewer to open.
@@ -35,6 +39,7 @@ def replay(
         _write_strip(logged, strip)
         if not (save or png):
             return [strip]
+    from jenga_data.replay.meshes import link_meshes
     from jenga_data.replay.rerun_adapter import screenshot, write_rrd
     from jenga_data.replay.viewer import open_viewer, serve_web
 
@@ -45,7 +50,7 @@ def replay(
         predictions = [overlay(model, episode) for model in models]
     # The native viewer reads its file after this program has ended: the folder stays until the system clears it.
     recording = save or Path(mkdtemp(prefix="jenga-replay-")) / f"{logged.header.key}.rrd"
-    write_rrd(logged, predictions, recording)
+    write_rrd(logged, predictions, recording, link_meshes(meshes) if meshes else None)
     if png:
         screenshot(recording, png, time)
     elif web:

@@ -6,7 +6,7 @@ call an entity, because a call a block or a frame takes a hundred times as long.
 """
 
 import time as clock
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ from jenga_data.replay.measures import (
     position_error,
     seconds,
 )
+from jenga_data.replay.meshes import Mesh
 from jenga_data.replay.series import Series, episode_series, model_path
 from jenga_data.replay.summary import outcome_words, summary
 from jenga_data.replay.viewer import headless_viewer
@@ -66,8 +67,13 @@ _SOLID, _WIRES = rr.components.FillMode.Solid, rr.components.FillMode.MajorWiref
 _TRANSLUCENT = rr.components.FillMode.TransparentFillMajorWireframe
 
 
-def write_rrd(episode: Episode, predictions: Sequence[Prediction], out: Path) -> None:
+def write_rrd(
+    episode: Episode, predictions: Sequence[Prediction], out: Path, meshes: Mapping[str, Mesh] | None = None
+) -> None:
     """Write an episode with the predictions over it as an .rrd file that brings its own layout.
+
+    Args:
+        meshes: of the robot's links, by their names, in place of our own shapes.
 
     Raises:
         JengaError: `out` cannot be written.
@@ -79,7 +85,7 @@ def write_rrd(episode: Episode, predictions: Sequence[Prediction], out: Path) ->
     try:
         partial.touch()
         stream.save(partial, default_blueprint=_blueprint(episode, predictions))
-        _log(_Recorder(stream, episode), predictions)
+        _log(_Recorder(stream, episode), predictions, meshes or {})
         stream.flush()
         stream.disconnect()
         partial.replace(out)
@@ -156,10 +162,10 @@ class _Recorder:
         self.columns(series.path, series.time_ns, scalars.partition(np.full(len(series.value), count)))
 
 
-def _log(to: _Recorder, predictions: Sequence[Prediction]) -> None:
+def _log(to: _Recorder, predictions: Sequence[Prediction], meshes: Mapping[str, Mesh]) -> None:
     to.stream.send_recording_name(f"{to.episode.header.kind} {to.episode.header.number}: {outcome_words(to.episode)}")
     to.static("/episode", rr.TextDocument(summary(to.episode, predictions), media_type=rr.MediaType.MARKDOWN))
-    _log_scene(to)
+    _log_scene(to, meshes)
     _log_contacts(to)
     for series in episode_series(to.episode, predictions):
         to.curves(series)
@@ -167,7 +173,7 @@ def _log(to: _Recorder, predictions: Sequence[Prediction]) -> None:
         _log_model(to, number, label, prediction)
 
 
-def _log_scene(to: _Recorder) -> None:
+def _log_scene(to: _Recorder, meshes: Mapping[str, Mesh]) -> None:
     episode, header = to.episode, to.episode.header
     to.static("/world", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
     _log_stand(to)
@@ -181,7 +187,7 @@ def _log_scene(to: _Recorder) -> None:
     to.boxes("/world/tower", episode.time_ns, episode.pose)
     track = episode.gripper
     if header.robot is not None and episode.robot is not None:
-        _log_robot(to, header.robot, episode.robot)
+        _log_robot(to, header.robot, episode.robot, meshes)
     elif len(track.time_ns):
         to.static("/world/gripper", rr.Boxes3D(sizes=hand.SIZE, colors=palette.rgba8(hand.COLOUR), fill_mode=_SOLID))
         to.boxes("/world/gripper", track.time_ns, hand.hand_poses(track.pose, track.width))
@@ -207,15 +213,23 @@ def _log_stand(to: _Recorder) -> None:
     to.static("/world/table", rr.Boxes3D(sizes=[TABLE_SIZE], centers=[TABLE_CENTRE], colors=colour, fill_mode=_SOLID))
 
 
-def _log_robot(to: _Recorder, model: RobotModel, track: RobotTrack) -> None:
-    """A transform a link over time, and below it what the link is made of: an entity a kind of solid."""
+def _log_robot(to: _Recorder, model: RobotModel, track: RobotTrack, meshes: Mapping[str, Mesh]) -> None:
+    """A transform a link over time, and below it its mesh, or what it is made of: an entity a kind of solid."""
     for number, link in enumerate(model.links):
         path = _link_path(link)
         pose = track.link_pose[:, number].astype(np.float32)
         moves = rr.Transform3D.columns(translation=pose[:, :3], quaternion=pose[:, [4, 5, 6, 3]])
         to.columns(path, to.episode.time_ns, moves)
+        if mesh := meshes.get(link.name):
+            to.static(f"{path}/mesh", _mesh(mesh))
+            continue
         for shape in _shapes(link):
             to.static(f"{path}/{shape}", _solids(link, shape))
+
+
+def _mesh(mesh: Mesh) -> rr.Mesh3D:
+    colors = np.round(255 * mesh.color).astype(np.uint8)
+    return rr.Mesh3D(vertex_positions=mesh.vertex, triangle_indices=mesh.triangle, vertex_colors=colors)
 
 
 def _link_path(link: Link) -> str:
