@@ -286,7 +286,8 @@ class Skills:
         near[self._target] = False
         along = np.abs(1 - 2 * (pose[:, 5] ** 2 + pose[:, 6] ** 2))
         front = pose[:, 0] - np.where(along > 0.5, size[:, 0], size[:, 1]) / 2
-        return float(front[near].min() - end)
+        # A target that tipped out of its level has nothing beside it.
+        return float(front[near].min(initial=end + self._config.push_distance) - end)
 
     def grasp(self) -> None:
         """Take the end of the target that sticks out at -x.
