@@ -57,7 +57,7 @@ _CLEARANCE = 0.002
 _LEAST_HOLD = 0.008
 """The fingertips must overlap a block's end by so much [m], half their length."""
 _CLOSE_FRAMES = 8
-_SMOOTH = 3
+_SMOOTH = 5
 """Touch samples whose mean is the force of a push: it hits the block with a spike of one."""
 _TURN_SECONDS = 4.0
 _REST_SECONDS = 3.0
