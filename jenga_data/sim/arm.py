@@ -35,13 +35,7 @@ def add_robot(spec: mujoco.MjSpec, arm: ArmConfig, gripper: GripperConfig, physi
     _add_hand(spec, flange, gripper, contact)
     add_fingers(spec, spec.body("hand"), gripper, physics, solid=True)
     # Neighbours overlap at their joint, these also across the one between them.
-    for first, second in (
-        ("link_0", "link_1"),
-        ("link_5", "link_7"),
-        ("link_6", "flange"),
-        ("link_7", "hand"),
-        ("link_7", "flange"),
-    ):
+    for first, second in _TOUCHING:
         spec.add_exclude(name=f"{first} {second}", bodyname1=first, bodyname2=second)
 
 
@@ -155,10 +149,9 @@ class Arm(Fingers):
         model = world.model
         self._kinematics = Kinematics(arm, gripper)
         self._drives = [model.actuator(f"joint_{i + 1}").id for i in range(JOINTS)]
-        self._qpos = np.array([model.joint(f"joint_{i + 1}").qposadr[0] for i in range(JOINTS)])
-        self._qvel = np.array([model.joint(f"joint_{i + 1}").dofadr[0] for i in range(JOINTS)])
-        self._stiffness, self._damping, self._most = limits("stiffness"), limits("damping"), limits("torque")
-        world.data.qpos[self._qpos] = self._kinematics.home
+        qpos = [model.joint(f"joint_{i + 1}").qposadr[0] for i in range(JOINTS)]
+        self._stiffness, self._damping = limits("stiffness"), limits("damping")
+        world.data.qpos[qpos] = self._kinematics.home
         world.data.ctrl[self._drives] = self._kinematics.home
         mujoco.mj_forward(model, world.data)
         self._joints = SetPoint(self._kinematics.home)
