@@ -70,6 +70,9 @@ class SelectionConfig:
     """It gives up sooner when the target has not moved along -x by `least_progress` in so long [s]..."""
     least_progress: float = 0.003
     """...so far [m]: a person does not pull on at what does not move."""
+    pull: int = 0
+    """Which pull of the tower: 0 pulls the target of the tower's one (J, b, f), 1 and on pull other legal ones of the
+    same tower, each another."""
     spawn: SpawnConfig = field(default_factory=SpawnConfig)
     physics: PhysicsConfig = field(default_factory=PhysicsConfig)
 
@@ -78,6 +81,8 @@ class SelectionConfig:
     def __post_init__(self) -> None:
         if min(self.speed, self.force_limit, self.pull_seconds, self.patience) <= 0:
             raise JengaError("speed, force-limit, pull-seconds and patience must be positive")
+        if self.pull < 0:
+            raise JengaError(f"pull is {self.pull}; allowed: 0 or more")
 
 
 @dataclass(frozen=True)

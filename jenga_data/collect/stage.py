@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data.blocks import Blocks
-from jenga_data.collect.config import CollectConfig, ExtractionConfig, SpawnConfig
+from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig, SpawnConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.rest import at_rest
 from jenga_data.collect.spawn import GrownTower, grow_tower, shifted
@@ -60,6 +60,8 @@ def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
 
     def prepare(grown: GrownTower) -> GrownTower | None:
         target, face = int(choice.choice(grown.layout.legal_targets())), int(choice.integers(2))
+        if isinstance(config, SelectionConfig) and config.pull:
+            target, face = another_target(grown.layout, target, config.pull, episode_rng(seed, number, "others"))
         chosen.append((target, face))
         if isinstance(config, ExtractionConfig) and config.body == "gripper":
             return shifted(grown, target, config.sticks_out * (1 if face else -1), config.physics.contact_law)
@@ -77,6 +79,21 @@ def set_stage(config: CollectConfig, seed: int, number: int) -> Stage:
     if isinstance(config, ExtractionConfig) and config.body == "robot":
         return Stage(state, target, quarter_turns_for(state.layout, target, face), face, tries)
     return Stage.of(state, target, face, tries)
+
+
+def another_target(layout: Layout, first: int, pull: int, rng: np.random.Generator) -> tuple[int, int]:
+    """The target and face of pull 1 and on of a tower whose pull 0 has the target `first`: all are different.
+
+    Args:
+        rng: the tower's; the same for all of its pulls.
+
+    Raises:
+        JengaError: the tower has not so many legal targets.
+    """
+    others = rng.permutation(np.setdiff1d(layout.legal_targets(), first))
+    if pull > len(others):
+        raise JengaError(f"pull is {pull}; this tower of round {layout.round} has pulls 0 to {len(others)}")
+    return int(others[pull - 1]), int(rng.integers(2, size=len(others))[pull - 1])
 
 
 def standing_tower(

@@ -28,6 +28,7 @@ CONFIGS: list[CollectConfig] = [SelectionConfig(), ExtractionConfig()]
 OTHER: dict[str, Any] = {
     "timestep_ns": 1_000_000,
     "integrator": "discrete",
+    "pull": 1,
     "distribution": "nominal",
     "first_round": 2,
     "last_round": 14,

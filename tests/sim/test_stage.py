@@ -65,6 +65,22 @@ def test_the_same_seed_and_number_set_the_same_stage():
     assert one.blocks.tower != other.blocks.tower
 
 
+def test_the_pulls_of_a_tower_have_different_targets_and_the_same_tower():
+    with short_towers():
+        first = set_stage(SELECTION, 0, 3)
+        legal = sorted(first.layout.legal_targets())
+        all_pulls = [first, *(set_stage(replace(SELECTION, pull=n), 0, 3) for n in range(1, len(legal)))]
+        with pytest.raises(JengaError, match=f"has pulls 0 to {len(legal) - 1}$"):
+            set_stage(replace(SELECTION, pull=len(legal)), 0, 3)
+    assert sorted(stage.target for stage in all_pulls) == legal
+    assert {stage.face for stage in all_pulls} == {0, 1}
+    for stage in all_pulls:
+        assert stage.blocks.tower == first.blocks.tower
+        np.testing.assert_allclose(
+            stage.state.turned(-stage.turn).pose, first.state.turned(-first.turn).pose, atol=1e-12
+        )
+
+
 def test_a_tower_on_a_stage_stands_by_itself(stages):
     for stage in stages[1][:3]:
         assert not stage.state.twist.any()
