@@ -12,9 +12,10 @@ import pytest
 from robot_stage import CONFIG, RobotKept, Workplace, put, workplace
 from short_tower import short_towers
 
+from jenga_data.collect.causes import CAUSES, Failure
 from jenga_data.collect.extraction import Pull
 from jenga_data.collect.robot_extraction import run_with_robot
-from jenga_data.collect.skills import CAUSES, Failure, Skills
+from jenga_data.collect.skills import Skills
 from jenga_data.collect.stage import set_stage
 from jenga_data.errors import UnreachableError
 from jenga_data.sim.robot import STICK_PLACE, STICK_REACH
