@@ -221,6 +221,27 @@ def test_a_block_that_sticks_out_is_grasped_alone():
     assert place.skills.sticks_out() == pytest.approx(0.02, abs=0.002)
 
 
+@pytest.mark.parametrize("out", [0.012, 0.02])
+def test_the_fingertips_stay_clear_of_the_tower_behind_the_end_they_grasp(out):
+    place = ready_to_grasp(out)
+    face = (
+        place.skills.sticks_out()
+        + place.world.pose[place.recording.target, 0]
+        - place.world.blocks.size[place.recording.target, 0] / 2
+    )
+    place.skills.grasp()
+    front = place.robot.arm.position[0] + CONFIG.gripper.pad[0] / 2
+    assert 0.0015 < face - front < out / 2
+    assert place.skills.holds()
+
+
+def test_a_target_that_tipped_out_of_its_level_sticks_out_of_nothing_and_is_no_error():
+    place = ready_to_grasp()
+    put(place.world, f"block_{place.recording.target}", (-0.3, 0.3, 0.5))
+    place.skills.hold()
+    assert place.skills.sticks_out() == pytest.approx(CONFIG.robot.push_distance)
+
+
 def test_a_target_that_is_gone_is_missed():
     place = ready_to_grasp()
     place.skills.on_touch = lambda: put(place.world, f"block_{place.recording.target}", (0.3, 0.3, 0.1))
