@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION
+from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION, format_of
 from jenga_data.errors import CheckFailed, JengaError
 
 MANIFEST = "manifest.json"
@@ -19,7 +19,7 @@ MAX_BYTES = 64 * 2**20
 SPLITS = ("train", "validation", "test")
 
 _NAME = r"^[a-z0-9][a-z0-9._-]{0,63}$"
-_VERSION = r"^(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)$"
+_VERSION = r"^(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})$"
 Name = Annotated[str, msgspec.Meta(pattern=_NAME)]
 Version = Annotated[str, msgspec.Meta(pattern=_VERSION)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
@@ -214,11 +214,11 @@ def load_manifest(path: Path) -> Manifest:
 
 
 def _check_format(path: Path, found: str) -> None:
-    major, minor, _ = map(int, found.split("."))
-    own_major, own_minor, _ = map(int, FORMAT_VERSION.split("."))
+    major, minor = format_of(found)
+    own_major, own_minor = format_of(FORMAT_VERSION)
     if major != own_major or minor > own_minor:
         newer = (major, minor) > (own_major, own_minor)
-        way_out = "update jenga" if newer else "convert its logs again with `jenga convert`"
+        way_out = "update jenga" if newer else f"lift it with `jenga dataset migrate {path.parent} --out NEW`"
         allowed = f"{own_major}.0 to {own_major}.{own_minor}"
         raise JengaError(f"{path} has format version {found}; this jenga reads {allowed}: {way_out}")
 
