@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jenga_data.dataset import describe
 from jenga_data.dataset.episode_table import Table, count, write_episodes
-from jenga_data.dataset.manifest import MANIFEST, Manifest, Parent, Provenance, Splits, canonical_bytes, sealed
+from jenga_data.dataset.manifest import MANIFEST, Label, Manifest, Parent, Provenance, Splits, canonical_bytes, sealed
 from jenga_data.dataset.schema import COLUMNS, FORMAT_VERSION
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.write import Part
@@ -28,6 +28,8 @@ class Draft:
     licence: str = describe.LICENCE
     description: str = ""
     citation: tuple[str, ...] = describe.CITATION
+    labels: tuple[Label, ...] = ()
+    """Empty: those of this code."""
     parents: tuple[Parent, ...] = ()
 
 
@@ -56,7 +58,7 @@ def assemble(folder: Path, draft: Draft, parts: Sequence[Part], episodes: Table)
         files=sorted([*(part.file for part in parts), table], key=lambda f: f.path),
         splits=draft.splits,
         statistics=statistics.summary(),
-        labels=describe.labels(),
+        labels=list(draft.labels) or describe.labels(),
         counts=count(episodes, rows, draft.invalid),
         provenance=draft.provenance,
         parents=list(draft.parents),

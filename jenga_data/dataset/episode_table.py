@@ -21,11 +21,9 @@ _ORDER = ("seed", "config", "checkpoint", "number", "episode")
 
 def table_of(episodes: Sequence[Mapping[str, Any]]) -> Table:
     """Records with a value for every column, as columns."""
-    return {c.name: np.array([e[c.name] for e in episodes], _DTYPE.get(c.dtype)) for c in EPISODE_COLUMNS}
-
-
-_DTYPE = {"string": np.str_, "bool": np.bool_}
-"""What an empty table needs to be told. Numbers keep their width: one that does not fit is an error when written."""
+    if not episodes:
+        return {c.name: np.zeros(0, np.str_ if c.dtype == "string" else c.dtype) for c in EPISODE_COLUMNS}
+    return {c.name: np.array([e[c.name] for e in episodes]) for c in EPISODE_COLUMNS}
 
 
 def joined(tables: Sequence[Table]) -> Table:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from jenga_data.dataset.manifest import DATA, File
-from jenga_data.dataset.rows import Ragged, rows_of
+from jenga_data.dataset.rows import rows_of
 from jenga_data.dataset.schema import COLUMNS, Column, arrow_schema
 from jenga_data.dataset.shards import Shard
 from jenga_data.dataset.sources import Source
@@ -81,6 +81,7 @@ def _written(tasks: Sequence[_Task], workers: int, each: Callable[[Sequence[Sour
 
 def _write_shard(task: _Task, each: Callable[[Source], None] = lambda _: None) -> Written:
     """Write one file, one episode in memory at a time, calling `each` after every episode."""
+    refuse_name(task.folder, task.shard.path)
     columns = COLUMNS[task.kind]
     schema = arrow_schema(columns, task.blocks)
     episodes = []
@@ -95,6 +96,16 @@ def _write_shard(task: _Task, each: Callable[[Source], None] = lambda _: None) -
     return Written(file, training_statistics(task.folder / file.path, columns, task.train), episodes)
 
 
+def refuse_name(folder: Path, path: str) -> None:
+    """A file that is there already may be a link to a parent's: writing to it would change that.
+
+    Raises:
+        JengaError: there is one.
+    """
+    if (folder / path).exists():
+        raise JengaError(f"a parent misuses the name {path} for other episodes: convert its logs again")
+
+
 def training_statistics(path: Path, columns: Sequence[Column], train: frozenset[str]) -> ColumnStatistics:
     """Statistics of the rows of the towers `train` in one file, as they are stored: a function of the file's bytes.
 
@@ -107,7 +118,5 @@ def training_statistics(path: Path, columns: Sequence[Column], train: frozenset[
             table = file.read_row_group(group)
             rows = {name: numpy_column(table[name]) for name in table.column_names}
             here = np.isin(np.asarray(rows["tower"]), list(train))
-            statistics.add(
-                {n: column[here] if isinstance(column, Ragged) else column[here] for n, column in rows.items()}
-            )
+            statistics.add({name: column[here] for name, column in rows.items()})
     return statistics
