@@ -78,7 +78,7 @@ class Diff:
             ("episodes that differ", [f"{key}: {', '.join(columns)}" for key, columns in self.differ.items()]),
             ("towers on another side", [f"{tower}: {a} -> {b}" for tower, (a, b) in self.moved.items()]),
             ("manifest", [f"{path}: {_short(a)} -> {_short(b)}" for path, (a, b) in fields.items()]),
-            ("columns with other statistics", [", ".join(sorted(columns))] if columns else []),
+            ("columns with other statistics", sorted(columns)),
             (f"files only in {first}", removed),
             (f"files only in {second}", added),
         ]
