@@ -10,7 +10,7 @@ from jaxtyping import Float, Int, Shaped
 from jenga_data.dataset.locate import locate
 from jenga_data.dataset.manifest import SPLITS, Manifest, load_manifest
 from jenga_data.dataset.rows import Ragged
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, arrow_schema
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, Column, arrow_schema, columns_of
 from jenga_data.dataset.tables import numpy_column, open_parquet
 from jenga_data.errors import CheckFailed, JengaError
 
@@ -40,6 +40,11 @@ class Dataset:
     def __len__(self) -> int:
         return sum(f.rows for f in self.manifest.data_files)
 
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of its rows: those that its format has."""
+        return columns_of(self.manifest.kind, self.manifest.format_version)
+
     def rows(self, split: str) -> Int[np.ndarray, " row"]:
         """Numbers of the rows of one split, ascending.
 
@@ -64,7 +69,7 @@ class Dataset:
             JengaError: there is no such column; edges are read by `edges()`.
             CheckFailed: a file is damaged.
         """
-        allowed = [c.name for c in COLUMNS[self.manifest.kind] if not c.ragged]
+        allowed = [c.name for c in self.columns if not c.ragged]
         if name not in allowed:
             raise JengaError(f"no column {name!r} of fixed shape in {self.folder}; allowed: {', '.join(allowed)}")
         parts = [part for part in self._parts(name) if isinstance(part, np.ndarray)]
@@ -101,7 +106,7 @@ class Dataset:
         return Ragged(np.concatenate([[0], np.cumsum(lengths)]), np.concatenate([part.values for part in parts]))
 
     def _parts(self, name: str) -> list[np.ndarray | Ragged]:
-        schema = arrow_schema(COLUMNS[self.manifest.kind], self.manifest.blocks)
+        schema = arrow_schema(self.columns, self.manifest.blocks)
         parts = []
         for entry in self.manifest.data_files:
             with open_parquet(self.folder / entry.path) as file:
