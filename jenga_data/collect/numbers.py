@@ -1,9 +1,42 @@
-"""Which episodes of a collection: all up to a count, or those that are named. Light: the command line reads it."""
+"""Which episodes of a collection: the first ones, those of some numbers, or those of a dataset. Light: no numpy."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from jenga_data.command_line import MaybeInt, MaybeText
 from jenga_data.errors import JengaError
 
 MOST = 1_000_000
-"""More numbers than this are a slip of the keyboard."""
+"""More numbers than this are a slip of the keyboard, or a manifest that was forged."""
+
+
+@dataclass(frozen=True)
+class Which:
+    """Options that say which episodes to collect; one of the first three."""
+
+    episodes: MaybeInt = None
+    """Rollouts in all, those that OUT holds already included."""
+    numbers: MaybeText = None
+    """In place of --episodes: rollouts of these numbers, such as 5,7,10-20."""
+    of: MaybeText = None
+    """In place of --episodes: rollouts of the numbers that a dataset (NAME@X.Y.Z or a folder) has in --split, on the
+    same towers therefore. --pull 1 --of NAME@X.Y.Z pulls another block of each test tower."""
+    split: str = "test"
+    """Of that dataset: train, validation, test, or all."""
+
+    def given(self) -> Sequence[int] | None:
+        """The numbers, as far as they do not need a dataset: None with --of.
+
+        Raises:
+            JengaError: not one of the options was given, or it names nothing.
+        """
+        if sum(option is not None for option in (self.episodes, self.numbers, self.of)) != 1:
+            raise JengaError("which episodes? allowed: one of --episodes N, --numbers 5,7,10-20 and --of DATASET")
+        if self.episodes is not None:
+            if self.episodes < 1:
+                raise JengaError(f"--episodes is {self.episodes}; allowed: 1 and more")
+            return range(self.episodes)
+        return parse_numbers(self.numbers) if self.numbers is not None else None
 
 
 def parse_numbers(text: str) -> list[int]:

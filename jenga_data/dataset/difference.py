@@ -21,6 +21,10 @@ PROVENANCE = ("episode", "config", "log_sha256", "log_bytes", "commit", "version
 """Columns of `episodes.parquet` that are no part of what happened: who wrote the log with what, and the key and
 config that change when a configuration gets another field. (`rows` differ where the rows themselves do.)"""
 
+_POSE = {".position": np.s_[..., :3], ".quaternion": np.s_[..., 3:]}
+_TWIST = {".linear": np.s_[..., :3], ".angular": np.s_[..., 3:]}
+_PARTS = {"block_pose": _POSE, "next_pose": _POSE, "block_twist": _TWIST, "next_twist": _TWIST}
+"""Columns of two units are compared as two."""
 _EDGES = ("edge_upper", "edge_lower", "edge_force")
 
 
@@ -59,7 +63,9 @@ def rows_difference(recorded: Rows, made: Rows) -> Differences:
     both = np.arange(max(counts)) < min(counts)
     recorded, made = ({n: column[both[: len(column)]] for n, column in rows.items()} for rows in (recorded, made))
     for name in recorded.keys() - {"episode", *_EDGES}:
-        found |= _nonzero(name, column_difference(np.asarray(recorded[name]), np.asarray(made[name])))
+        one, other = np.asarray(recorded[name]), np.asarray(made[name])
+        for part, where in _PARTS.get(name, {"": ...}).items():
+            found |= _nonzero(name + part, column_difference(one[where], other[where]))
     return dict(sorted((found | _edge_difference(recorded, made)).items()))
 
 

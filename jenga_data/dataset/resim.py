@@ -7,8 +7,8 @@ from importlib.metadata import version
 from itertools import groupby
 from pathlib import Path
 
+from jenga_data.dataset.episode_origin import Origin, config_of
 from jenga_data.dataset.manifest import Manifest
-from jenga_data.dataset.origin import Origin, config_of
 
 
 def make_again(manifest: Manifest, origins: Sequence[Origin], workers: int, out: Path) -> dict[Origin, Path]:

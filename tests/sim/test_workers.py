@@ -84,6 +84,13 @@ def test_a_longer_run_begins_with_the_same_episodes(collected, tmp_path):
     assert logs(tmp_path / "one").items() <= logs(collected).items()
 
 
+def test_chosen_numbers_are_episodes_of_the_whole_collection(collected, tmp_path):
+    summary = run_episodes(partial(run_short, QUICK), QUICK, SEED, [1], 1, tmp_path / "one")
+    key = episode_key(QUICK, SEED, 1)
+    assert logs(tmp_path / "one") == {f"{key}.mcap": logs(collected)[f"{key}.mcap"]}
+    assert (summary.episodes, summary.resumed) == (1, 0)
+
+
 def test_a_summary_counts_outcomes_and_causes(tmp_path):
     config = replace(EXTRACTION, gripper=replace(EXTRACTION.gripper, grip_force=0.01))
     summary = run(tmp_path / "out", episodes=1, config=config)
@@ -216,7 +223,7 @@ def test_seeds_of_evaluations_are_refused(tmp_path, seed):
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("episodes", "workers"), [(0, 1), (-1, 1), (1, 0)])
+@pytest.mark.parametrize(("episodes", "workers"), [(0, 1), (1, 0)])
 def test_no_episodes_or_no_workers_are_refused(tmp_path, episodes, workers):
     message = refused(lambda: collect(QUICK, 0, range(episodes), workers, tmp_path / "out"))
     assert message == f"episodes is {episodes} and workers is {workers}; both must be at least 1"
