@@ -79,9 +79,9 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
 
     _say(1, "simulate: towers of rounds 1 to 15, random blocks pulled, every rollout an MCAP log")
     collected = {
-        "selection": collect(SelectionConfig(), seed, size.selection_episodes, workers, logs / "selection"),
-        "extraction": collect(_GRIPPER, seed, size.extraction_episodes, workers, logs / "extraction"),
-        "robot": collect(ExtractionConfig(), seed, size.robot_episodes, workers, logs / "robot"),
+        "selection": collect(SelectionConfig(), seed, range(size.selection_episodes), workers, logs / "selection"),
+        "extraction": collect(_GRIPPER, seed, range(size.extraction_episodes), workers, logs / "extraction"),
+        "robot": collect(ExtractionConfig(), seed, range(size.robot_episodes), workers, logs / "robot"),
     }
     _say(2, "convert: logs to Parquet datasets, then check every byte")
     folders = {"selection": data / "demo-selection", "dynamics": data / "demo-dynamics"}

@@ -52,7 +52,7 @@ def evaluate_extraction(
     reports, rollouts = [], []
     for loop in loops:
         logs = out / loop.controller
-        run_episodes(loop, loop.config, seed, towers, workers, logs, loop.actor, f"pulling, {loop.controller}")
+        run_episodes(loop, loop.config, seed, range(towers), workers, logs, loop.actor, f"pulling, {loop.controller}")
         paths = [logs / f"{episode_key(loop.config, seed, number, loop.actor)}.mcap" for number in range(towers)]
         runs = [_ended(path) for path in paths]
         reports.append(_report(loop, runs, paths[0]))

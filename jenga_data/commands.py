@@ -16,21 +16,27 @@ if TYPE_CHECKING:
 
 def collect() -> dict[str, Verb]:
     from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig
+    from jenga_data.collect.numbers import Which
 
     def run(
-        config: CollectConfig, episodes: int, out: Path, seed: int, workers: int, rounds: str | None, json: bool
+        config: CollectConfig, which: Which, out: Path, seed: int, workers: int, rounds: str | None, json: bool
     ) -> Shown:
+        numbers = which.given()
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        if numbers is None:
+            from jenga_data.dataset.same_towers import numbers_on_towers
+
+            numbers = numbers_on_towers(str(which.of), which.split, seed, config)
         from jenga_data.collect.workers import collect as start
 
-        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
-        summary = start(config, seed, episodes, workers, out)
+        summary = start(config, seed, numbers, workers, out)
         outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
         text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
         return Shown(json, asdict(summary), text)
 
     def selection(
-        episodes: int,
         out: Path,
+        which: Annotated[Which, Inline] = Which(),  # noqa: B008  (frozen)
         config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
         seed: int = 0,
         workers: int = 2,
@@ -40,17 +46,16 @@ def collect() -> dict[str, Verb]:
         """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
 
         Args:
-            episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
             workers: processes that simulate; their number changes nothing but the time.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
         """
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, json)
 
     def extraction(
-        episodes: int,
         out: Path,
+        which: Annotated[Which, Inline] = Which(),  # noqa: B008  (frozen)
         config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
         robot: Annotated[bool, tyro.conf.arg(name="robot", help="short for --body robot")] = False,
         only_gripper: Annotated[bool, tyro.conf.arg(name="gripper", help="short for --body gripper")] = False,
@@ -62,7 +67,6 @@ def collect() -> dict[str, Verb]:
         """Push random legal blocks out and pull them over 51 actions with the robot: data for the dynamics model.
 
         Args:
-            episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
             workers: processes that simulate; their number changes nothing but the time.
@@ -72,7 +76,7 @@ def collect() -> dict[str, Verb]:
             raise JengaError("--robot and --gripper exclude each other; allowed: one of them")
         if robot or only_gripper:
             config = replace(config, body="robot" if robot else "gripper")
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, json)
 
     return {"selection": selection, "extraction": extraction}
 

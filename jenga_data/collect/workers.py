@@ -3,7 +3,7 @@
 import errno
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -46,15 +46,15 @@ class CollectSummary:
     out: str
 
 
-def collect(config: CollectConfig, seed: int, episodes: int, workers: int, out: Path) -> CollectSummary:
-    """Run episodes 0 to `episodes` - 1 and log each as `OUT/<key>.mcap`; those that are there are kept.
+def collect(config: CollectConfig, seed: int, numbers: Sequence[int], workers: int, out: Path) -> CollectSummary:
+    """Run the episodes of these numbers and log each as `OUT/<key>.mcap`; those that are there are kept.
 
     Raises:
         JengaError: the folder holds another recipe, is in use, or cannot be written; a seed or count not allowed.
     """
     if not 0 <= seed < SEED_LIMIT:
         raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
-    return run_episodes(partial(run_one, config), config, seed, episodes, workers, out)
+    return run_episodes(partial(run_one, config), config, seed, numbers, workers, out)
 
 
 def run_one(config: CollectConfig, seed: int, number: int, open_log: OpenLog) -> Result:
@@ -75,7 +75,7 @@ def run_episodes(
     rollout: Rollout,
     config: CollectConfig,
     seed: int,
-    episodes: int,
+    numbers: Sequence[int],
     workers: int,
     out: Path,
     actor: Actor = NOBODY,
@@ -86,11 +86,11 @@ def run_episodes(
     Raises:
         JengaError: as `collect`, and if a worker died.
     """
-    if episodes < 1 or workers < 1:
-        raise JengaError(f"episodes is {episodes} and workers is {workers}; both must be at least 1")
+    if len(numbers) < 1 or workers < 1:
+        raise JengaError(f"episodes is {len(numbers)} and workers is {workers}; both must be at least 1")
     began = monotonic()
     with _claimed(out, config, seed, actor):
-        paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in range(episodes)}
+        paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in numbers}
         missing = [n for n, path in paths.items() if not path.exists()]
         tally = _Tally()
         for number in paths.keys() - set(missing):

@@ -66,6 +66,13 @@ def check_episodes(dataset: Dataset, rows: Table, episodes: Table) -> Iterator[s
     for name in sorted(shared):
         if (dataset.column(name) != episodes[name][entry]).any():
             yield f"{name} differs between rows and episodes"
+    state_after = 1 if dataset.manifest.kind == "dynamics" else 0
+    if (rows["frame"] + state_after >= episodes["frames"][entry]).any():
+        yield "a row's frame lies beyond the end of its episode"
+    if not (np.isfinite(episodes["moved"]).all() and (episodes["moved"] >= 0).all()):
+        yield "moved is negative or not finite"
+    if (episodes["control_step_ns"] <= 0).any() or (episodes["clear_frame"] >= episodes["frames"]).any():
+        yield "control_step_ns is not positive, or clear_frame lies beyond the end of its episode"
     if (np.bincount(entry, minlength=len(episodes["rows"])) != episodes["rows"]).any():
         yield "an episode has not as many rows as the table says"
     failed = np.isin(episodes["outcome"], [o.value for o in Outcome if o.failure])

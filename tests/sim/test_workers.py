@@ -24,7 +24,7 @@ QUICK: SelectionConfig = replace(SELECTION, pull_seconds=0.1)
 def run(
     out: Path, episodes: int = 2, workers: int = 1, seed: int = SEED, config: CollectConfig = QUICK
 ) -> CollectSummary:
-    return run_episodes(partial(run_short, config), config, seed, episodes, workers, out)
+    return run_episodes(partial(run_short, config), config, seed, range(episodes), workers, out)
 
 
 def logs(folder: Path) -> dict[str, bytes]:
@@ -84,6 +84,13 @@ def test_a_longer_run_begins_with_the_same_episodes(collected, tmp_path):
     assert logs(tmp_path / "one").items() <= logs(collected).items()
 
 
+def test_chosen_numbers_are_episodes_of_the_whole_collection(collected, tmp_path):
+    summary = run_episodes(partial(run_short, QUICK), QUICK, SEED, [1], 1, tmp_path / "one")
+    key = episode_key(QUICK, SEED, 1)
+    assert logs(tmp_path / "one") == {f"{key}.mcap": logs(collected)[f"{key}.mcap"]}
+    assert (summary.episodes, summary.resumed) == (1, 0)
+
+
 def test_a_summary_counts_outcomes_and_causes(tmp_path):
     config = replace(EXTRACTION, gripper=replace(EXTRACTION.gripper, grip_force=0.01))
     summary = run(tmp_path / "out", episodes=1, config=config)
@@ -115,7 +122,7 @@ def test_a_finished_run_simulates_nothing(folder):
     def never(seed: int, number: int, open_log: OpenLog) -> Result:
         raise AssertionError("there was nothing to do")
 
-    summary = run_episodes(never, QUICK, SEED, 2, 1, folder)
+    summary = run_episodes(never, QUICK, SEED, range(2), 1, folder)
     assert (summary.episodes, summary.resumed) == (2, 2)
 
 
@@ -137,7 +144,7 @@ def interrupted_at_1(seed: int, number: int, open_log: OpenLog) -> Result:
 
 def test_an_interrupt_leaves_what_was_finished(tmp_path, collected):
     with pytest.raises(KeyboardInterrupt):
-        run_episodes(interrupted_at_1, QUICK, SEED, 2, 1, tmp_path / "out")
+        run_episodes(interrupted_at_1, QUICK, SEED, range(2), 1, tmp_path / "out")
     assert len(logs(tmp_path / "out")) == 1
     assert run(tmp_path / "out").resumed == 1
     assert logs(tmp_path / "out") == logs(collected)
@@ -151,7 +158,7 @@ def test_another_configuration_or_seed_is_refused(folder):
     for other in (
         lambda: run(folder, seed=SEED + 1),
         lambda: run(folder, config=replace(QUICK, speed=0.2)),
-        lambda: run_episodes(partial(run_short, QUICK), QUICK, SEED, 2, 1, folder, Actor({"horizon": 5}, "abc")),
+        lambda: run_episodes(partial(run_short, QUICK), QUICK, SEED, range(2), 1, folder, Actor({"horizon": 5}, "abc")),
     ):
         assert refused(other) == (
             f"{folder} holds episodes of another configuration or seed (see {RECIPE}); choose another --out"
@@ -202,7 +209,7 @@ def full_disk(seed: int, number: int, open_log: OpenLog) -> Result:
 
 
 def test_a_full_disk_is_told_in_one_line(tmp_path):
-    message = refused(lambda: run_episodes(full_disk, QUICK, SEED, 2, 1, tmp_path / "out"))
+    message = refused(lambda: run_episodes(full_disk, QUICK, SEED, range(2), 1, tmp_path / "out"))
     assert message == f"cannot write to {tmp_path / 'out'}: the disk is full; finished episodes are kept"
 
 
@@ -211,14 +218,14 @@ def test_a_full_disk_is_told_in_one_line(tmp_path):
 
 @pytest.mark.parametrize("seed", [-1, 900_000, 900_001])
 def test_seeds_of_evaluations_are_refused(tmp_path, seed):
-    message = refused(lambda: collect(QUICK, seed, 1, 1, tmp_path / "out"))
+    message = refused(lambda: collect(QUICK, seed, range(1), 1, tmp_path / "out"))
     assert message == f"seed is {seed}; allowed: 0 to 899999 (higher ones are reserved for evaluation)"
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize(("episodes", "workers"), [(0, 1), (-1, 1), (1, 0)])
+@pytest.mark.parametrize(("episodes", "workers"), [(0, 1), (1, 0)])
 def test_no_episodes_or_no_workers_are_refused(tmp_path, episodes, workers):
-    message = refused(lambda: collect(QUICK, 0, episodes, workers, tmp_path / "out"))
+    message = refused(lambda: collect(QUICK, 0, range(episodes), workers, tmp_path / "out"))
     assert message == f"episodes is {episodes} and workers is {workers}; both must be at least 1"
     assert not (tmp_path / "out").exists()
 
@@ -235,12 +242,12 @@ def no_tower(seed: int, number: int, open_log: OpenLog) -> Result:
 
 
 def test_a_worker_that_dies_is_told_with_how_to_go_on(tmp_path):
-    message = refused(lambda: run_episodes(dies, QUICK, SEED, 2, 2, tmp_path / "out"))
+    message = refused(lambda: run_episodes(dies, QUICK, SEED, range(2), 2, tmp_path / "out"))
     assert "a worker process died" in message
     assert f"finished episodes are kept in {tmp_path / 'out'}: run the same command again" in message
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_what_a_worker_refuses_is_refused(tmp_path, workers):
-    message = refused(lambda: run_episodes(no_tower, QUICK, SEED, 2, workers, tmp_path / "out"))
+    message = refused(lambda: run_episodes(no_tower, QUICK, SEED, range(2), workers, tmp_path / "out"))
     assert message.endswith("no tower stood")
