@@ -18,15 +18,24 @@ def collect() -> dict[str, Verb]:
     from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig
 
     def run(
-        config: CollectConfig, episodes: int, out: Path, seed: int, workers: int, rounds: str | None, json: bool
+        config: CollectConfig,
+        episodes: int,
+        out: Path,
+        seed: int,
+        workers: int,
+        rounds: str | None,
+        timeout: float,
+        json: bool,
     ) -> Shown:
+        from jenga_data.collect.set_aside import in_one_line
         from jenga_data.collect.workers import collect as start
 
         config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
-        summary = start(config, seed, episodes, workers, out)
+        summary = start(config, seed, episodes, workers, out, timeout)
         outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
         text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
-        return Shown(json, asdict(summary), text)
+        text = "\n".join(filter(None, [text, in_one_line(out, summary.set_aside)]))
+        return Shown(json, asdict(summary), text, ok=not summary.set_aside)
 
     def selection(
         episodes: int,
@@ -35,6 +44,7 @@ def collect() -> dict[str, Verb]:
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
@@ -43,10 +53,12 @@ def collect() -> dict[str, Verb]:
             episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, episodes, out, seed, workers, rounds, episode_timeout, json)
 
     def extraction(
         episodes: int,
@@ -57,6 +69,7 @@ def collect() -> dict[str, Verb]:
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Push random legal blocks out and pull them over 51 actions with the robot: data for the dynamics model.
@@ -65,14 +78,16 @@ def collect() -> dict[str, Verb]:
             episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
         if robot and only_gripper:
             raise JengaError("--robot and --gripper exclude each other; allowed: one of them")
         if robot or only_gripper:
             config = replace(config, body="robot" if robot else "gripper")
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, episodes, out, seed, workers, rounds, episode_timeout, json)
 
     return {"selection": selection, "extraction": extraction}
 

@@ -74,7 +74,7 @@ def test_an_extraction_has_one_body(tmp_path):
 def test_short_options_make_the_recipe_of_the_long_one(options, body, tmp_path, monkeypatch):
     recipes = []
 
-    def collect(config, seed, episodes, workers, out) -> CollectSummary:
+    def collect(config, seed, episodes, workers, out, timeout) -> CollectSummary:
         recipes.append(recipe(config))
         return CollectSummary(episodes, {}, {}, 0, 0.0, str(out))
 
