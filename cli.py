@@ -12,12 +12,12 @@ from typing import Any
 
 import msgspec
 import tyro
-from jenga_data.dataset.commands import dataset
 
 from jenga_control.commands import demo, evaluate, replay
 from jenga_data.calibrate.commands import calibrate
 from jenga_data.command_line import Shown, Verb
 from jenga_data.commands import bench, collect, convert, log, report
+from jenga_data.dataset.commands import dataset
 from jenga_data.errors import JengaError
 from jenga_models.commands import train
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from multiprocessing import connection, get_context, parent_process
 from multiprocessing.process import BaseProcess
 from threading import Thread
-from time import monotonic
+from time import monotonic, sleep
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
@@ -144,8 +144,9 @@ def _failures(task: _Task[Item, Out], timeout: float) -> tuple[Failure, ...] | N
 
 
 def _death_of(process: BaseProcess) -> str:
-    process.join(10.0)
-    code = process.exitcode
+    end = monotonic() + 10.0
+    while (code := process.exitcode) is None and monotonic() < end:
+        sleep(0.01)  # no join: the executor's thread waits for it too, and only one of the two is told
     if code is not None and code < 0:
         name = signal.Signals(-code).name
         return f"{name}: out of memory, or killed" if name == "SIGKILL" else name

@@ -33,9 +33,15 @@ def dies_once(marker: Path) -> str:
     return "done"
 
 
-def hangs_at_three(item: int) -> int:
-    if item == 3:
+def hangs_until_tried_again(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
         os.kill(os.getpid(), signal.SIGSTOP)  # hears nothing but SIGKILL, and no thread of it runs
+    return "done"
+
+
+def hangs(item: int) -> int:
+    time.sleep(60.0)
     return item
 
 
@@ -126,13 +132,18 @@ def test_a_death_by_a_signal_is_told_with_its_name(tmp_path: Path):
     assert {f.reason for f in lost.tries} == {"its worker process died (SIGKILL: out of memory, or killed)"}
 
 
-def test_a_worker_that_hangs_is_ended_and_replaced():
-    found = dict(run_all(hangs_at_three, range(8), 2, timeout=6.0))
-    lost = found.pop(3)
-    assert found == {item: item for item in range(8) if item != 3}
+def test_a_worker_that_hangs_is_ended_and_replaced(tmp_path: Path):
+    """A worker has to start within the timeout, also on a machine that does much else."""
+    markers = [tmp_path / str(i) for i in range(2)]
+    assert sorted(run_all(hangs_until_tried_again, markers, 2, timeout=15.0)) == [(m, "done") for m in markers]
+    assert nothing_is_left()
+
+
+def test_what_hangs_twice_is_given_up():
+    ((_, lost),) = run_all(hangs, [1], 2, timeout=0.5)
     assert isinstance(lost, Lost)
-    assert [failure.reason for failure in lost.tries] == ["no end after 6 s"] * 2
-    assert all(6.0 <= failure.seconds < 20.0 for failure in lost.tries)
+    assert [failure.reason for failure in lost.tries] == ["no end after 0.5 s"] * 2
+    assert all(failure.seconds >= 0.5 for failure in lost.tries)
     assert nothing_is_left()
 
 

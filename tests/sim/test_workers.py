@@ -20,6 +20,7 @@ from jenga_data.collect.workers import RECIPE, CollectSummary, collect, run_epis
 from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.log.reader import read_header
+from jenga_data.pool import Failure, Lost
 
 SEED = 3
 QUICK: SelectionConfig = replace(SELECTION, pull_seconds=0.1)
@@ -232,7 +233,6 @@ def test_no_episodes_or_no_workers_are_refused(tmp_path, episodes, workers):
 
 FAILURES = {
     "died": "its worker process died (SIGKILL: out of memory, or killed)",
-    "hung": "no end after 12 s",
     "bug": "ZeroDivisionError: by nothing",
 }
 
@@ -246,7 +246,7 @@ def fails_at_1(how: str, seed: int, number: int, open_log: OpenLog) -> Result:
             with log:
                 raise ZeroDivisionError("by nothing")
         if number == 1:
-            os.kill(os.getpid(), signal.SIGKILL if how == "died" else signal.SIGSTOP)
+            os.kill(os.getpid(), signal.SIGKILL)
         return log
 
     return run_short(QUICK, seed, number, open_and_fail)
@@ -260,7 +260,7 @@ def no_tower(seed: int, number: int, open_log: OpenLog) -> Result:
 def test_an_episode_that_cannot_be_made_is_set_aside_and_the_others_are_made(tmp_path, collected, how):
     out = tmp_path / "out"
     key = episode_key(QUICK, SEED, 1)
-    summary = run_episodes(partial(fails_at_1, how), QUICK, SEED, 3, 2, out, timeout=12.0 if how == "hung" else 300.0)
+    summary = run_episodes(partial(fails_at_1, how), QUICK, SEED, 3, 2, out)
     (found,) = summary.set_aside
     assert (found.number, found.seed, found.episode, found.reason) == (1, SEED, key, FAILURES[how])
     assert [failure.reason for failure in found.tries] == ([] if how == "bug" else [FAILURES[how]] * 2)
@@ -281,6 +281,22 @@ def test_an_episode_that_cannot_be_made_is_set_aside_and_the_others_are_made(tmp
     assert (again.episodes, again.resumed, again.set_aside) == (3, 2, ())
     assert logs(out).items() >= logs(collected).items()
     assert not (out / FOLDER).exists()
+
+
+def test_an_episode_that_hangs_is_set_aside(tmp_path, collected, monkeypatch):
+    """As the pool tells of it; tests/core/test_pool.py has a process that hangs."""
+
+    def one_hangs(work, items, workers, timeout):
+        failure = Failure(f"no end after {timeout:g} s", timeout)
+        yield from ((n, work(n) if n == 0 else Lost((failure, failure))) for n in items)
+
+    monkeypatch.setattr("jenga_data.collect.workers.run_all", one_hangs)
+    out = tmp_path / "out"
+    summary = run_episodes(partial(run_short, QUICK), QUICK, SEED, 2, 2, out, timeout=60.0)
+    assert [(found.number, found.reason, len(found.tries)) for found in summary.set_aside] == [
+        (1, "no end after 60 s", 2)
+    ]
+    assert logs(out).items() < logs(collected).items()
 
 
 def test_a_bug_is_set_aside_by_a_single_worker_too(tmp_path):
