@@ -213,7 +213,29 @@ def bench() -> dict[str, Verb]:
         report = bench_robot(Run(towers, seed, workers, out), config)
         return Shown(json, report, report.pop("text"))
 
-    return {"sim": sim, "robot": robot}
+    def log(
+        towers: int = 2,
+        config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        rounds: MaybeText = None,
+        out: Path = Path("runs/bench-log"),
+        json: Json = False,
+    ) -> Shown:
+        """How fast logs are written and read, beside the plain way to do it, and their part of an episode's time.
+
+        Args:
+            towers: episodes to measure; one takes about 20 s on idle cores.
+            seed: below 900000.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            out: folder of the report: bench-log.json and .md.
+        """
+        from jenga_data.bench.log import bench_log
+
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        report = bench_log(config, towers, seed, out)
+        return Shown(json, report, f"{report.pop('text')}\n{out}")
+
+    return {"sim": sim, "robot": robot, "log": log}
 
 
 def report() -> dict[str, Verb]:
