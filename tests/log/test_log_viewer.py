@@ -114,7 +114,7 @@ def vulkan_drivers() -> list[Path]:
 @pytest.mark.skipif(not vulkan_drivers(), reason="no Vulkan driver (Debian: apt-get install mesa-vulkan-drivers)")
 def test_stock_rerun_shows_the_tower_and_its_target_on_the_way_out(tmp_path):
     """The viewer opens the log itself: no plugin, no blueprint, nothing of this package."""
-    script = make_script(blocks=54, gripper=False)
+    script = make_script(frames=60, blocks=54, gripper=False)
     path = write(tmp_path / "e.mcap", script)
     column = []
     for at in (0.0, script.frames[-1].time_ns * 1e-9):
@@ -125,7 +125,7 @@ def test_stock_rerun_shows_the_tower_and_its_target_on_the_way_out(tmp_path):
         target = np.argwhere((blue > 0.5) & (blue - red > 0.3))
         assert len(target) > 10
         column.append(target[:, 1].mean())
-    assert abs(column[1] - column[0]) > 2  # it was pulled
+    assert abs(column[1] - column[0]) > 5  # it was pulled
 
 
 def test_stock_rerun_draws_tower_and_gripper(log, tmp_path):

@@ -7,12 +7,11 @@ from typing import Any
 import numpy as np
 import pytest
 from mcap.reader import make_reader
-from short_tower import SELECTION, run_short, short_towers
+from short_tower import SELECTION, short_towers
 
 from jenga_data.bench.log import bench_log, figures, frames_of, measure
 from jenga_data.bench.naive_log import read_naively, write_naively
-from jenga_data.bench.trace import EpisodeTrace
-from jenga_data.collect.workers import run_and_log
+from jenga_data.bench.trace import EpisodeTrace, trace_episode
 from jenga_data.log.reader import read_episode
 from jenga_data.log.writer import EpisodeWriter
 
@@ -21,9 +20,19 @@ TOPICS = ("/tower/state", "/tower/contacts", "/sim/state", "/tf")
 
 
 @pytest.fixture(scope="module")
-def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("log")
-    run_and_log(lambda seed, number, open_log: run_short(SELECTION, seed, number, open_log), 0, folder, 0)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("log")
+
+
+@pytest.fixture(scope="module")
+def trace(folder: Path) -> EpisodeTrace:
+    with short_towers():
+        return trace_episode(SELECTION, 0, 0, folder)
+
+
+@pytest.fixture(scope="module")
+def log(trace: EpisodeTrace, folder: Path) -> Path:
+    """What the traced episode wrote."""
     return next(folder.glob("*.mcap"))
 
 
@@ -80,12 +89,11 @@ def test_both_readers_read_the_same_poses(log):
     assert count > 3 * len(episode.pose)
 
 
-def test_rates_are_what_was_counted_by_the_time_it_took(log, tmp_path):
+def test_rates_are_what_was_counted_by_the_time_it_took(trace, log, tmp_path):
     times = measure(log, tmp_path)
     episode = read_episode(log)
     assert times.frames == len(episode.pose)
-    trace = EpisodeTrace(*[None] * 4, spawn=1.0, logging=0.5, whole=10.0)  # type: ignore[arg-type]
     speeds = figures([trace], [times])
     assert speeds["write_frames"].value == pytest.approx(times.frames / times.write)
     assert speeds["read_messages"].reference == pytest.approx(times.read_messages / times.naive_read)
-    assert speeds["share"].ratio == pytest.approx(0.05)
+    assert speeds["share"].ratio == pytest.approx(trace.logging / trace.whole)

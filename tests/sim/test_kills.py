@@ -19,7 +19,7 @@ from jenga_data.dataset.convert import convert
 VICTIMS = ("a worker", "several workers", "the parent", "everything")
 KILLS = 20
 """As many of each victim; every other one at any time, its start-up included, the rest once a log has been begun."""
-ANY_TIME, IN_A_LOG = 4.0, 0.7
+ANY_TIME, IN_A_LOG = 4.0, 0.5
 """Latest moment of each [s]."""
 
 
