@@ -143,7 +143,7 @@ def test_doctor_finds_nothing_wrong_with_it(build):
 
 WITHOUT_MUJOCO = """
 import sys
-for name in ("mujoco", "mink", "torch"):
+for name in ("mujoco", "mink"):
     sys.modules[name] = None  # importing it fails
 import cli
 sys.exit(cli.run(sys.argv[1:]))
@@ -151,7 +151,7 @@ sys.exit(cli.run(sys.argv[1:]))
 
 
 def without_mujoco(*args: object) -> str:
-    """What a command prints where neither the simulator nor torch can be imported."""
+    """What a command prints where the simulator cannot be imported."""
     command = [sys.executable, "-c", WITHOUT_MUJOCO, *map(str, args)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | HERE)
     assert done.returncode == 0, done.stderr
