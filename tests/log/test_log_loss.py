@@ -68,8 +68,8 @@ def says_what_is_lost(capsys: pytest.CaptureFixture[str] | None, path: Path, out
 
 
 def test_a_whole_file_has_lost_nothing(whole, tmp_path, capsys):
-    for args in (("info", whole), ("doctor", whole), ("recover", whole, tmp_path / "out.mcap")):
-        code, said = run(capsys, *args)
+    for verb, out in (("info", []), ("doctor", []), ("recover", [tmp_path / "out.mcap"])):
+        code, said = run(capsys, verb, whole, *out)
         assert code == 0
         assert not said.get("problems") and not said.get("lost")  # noqa: PT018  (one of them is there)
 

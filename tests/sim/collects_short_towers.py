@@ -12,7 +12,7 @@ from short_tower import SELECTION, run_short
 from jenga_data.collect.workers import CollectSummary, run_episodes
 
 CONFIG = replace(SELECTION, pull_seconds=0.2)
-SEED, EPISODES = 3, 14
+SEED, EPISODES = 3, 8
 
 
 def run(out: Path, workers: int) -> CollectSummary:

@@ -71,6 +71,7 @@ def test_the_report_is_written(report):
 
 def test_both_writers_write_the_same_frames(log, tmp_path):
     episode = read_episode(log)
+    assert episode.result is not None
     frames = frames_of(episode)
     assert write_naively(tmp_path / "naive.mcap", frames) == 4 * len(episode.pose)
     with EpisodeWriter(tmp_path / "own.mcap", episode.header, "") as writer:
