@@ -34,7 +34,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     ),
     "dataset": ("list, info, verify, trace, rebuild, merge, drop, diff, migrate", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
-    "bench": ("how fast the parts are (sim)", lambda _: bench()),
+    "bench": ("how fast the parts are (sim, robot, log)", lambda _: bench()),
     "report": ("what logged episodes show (touch)", lambda _: report()),
 }
 

@@ -19,7 +19,14 @@ def collect() -> dict[str, Verb]:
     from jenga_data.collect.numbers import Which
 
     def run(
-        config: CollectConfig, which: Which, out: Path, seed: int, workers: int, rounds: str | None, json: bool
+        config: CollectConfig,
+        which: Which,
+        out: Path,
+        seed: int,
+        workers: int,
+        rounds: str | None,
+        timeout: float,
+        json: bool,
     ) -> Shown:
         numbers = which.given()
         config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
@@ -27,12 +34,14 @@ def collect() -> dict[str, Verb]:
             from jenga_data.dataset.same_towers import numbers_on_towers
 
             numbers = numbers_on_towers(str(which.of), which.split, seed, config)
+        from jenga_data.collect.set_aside import in_one_line
         from jenga_data.collect.workers import collect as start
 
-        summary = start(config, seed, numbers, workers, out)
+        summary = start(config, seed, numbers, workers, out, timeout)
         outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
         text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
-        return Shown(json, asdict(summary), text)
+        text = "\n".join(filter(None, [text, in_one_line(out, summary.set_aside)]))
+        return Shown(json, asdict(summary), text, ok=not summary.set_aside)
 
     def selection(
         out: Path,
@@ -41,6 +50,7 @@ def collect() -> dict[str, Verb]:
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
@@ -48,10 +58,12 @@ def collect() -> dict[str, Verb]:
         Args:
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
-        return run(config, which, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, episode_timeout, json)
 
     def extraction(
         out: Path,
@@ -62,6 +74,7 @@ def collect() -> dict[str, Verb]:
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Push random legal blocks out and pull them over 51 actions with the robot: data for the dynamics model.
@@ -69,14 +82,16 @@ def collect() -> dict[str, Verb]:
         Args:
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
         if robot and only_gripper:
             raise JengaError("--robot and --gripper exclude each other; allowed: one of them")
         if robot or only_gripper:
             config = replace(config, body="robot" if robot else "gripper")
-        return run(config, which, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, episode_timeout, json)
 
     return {"selection": selection, "extraction": extraction}
 
@@ -222,7 +237,29 @@ def bench() -> dict[str, Verb]:
         report = bench_robot(Run(towers, seed, workers, out), config)
         return Shown(json, report, report.pop("text"))
 
-    return {"sim": sim, "robot": robot}
+    def log(
+        towers: int = 2,
+        config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        rounds: MaybeText = None,
+        out: Path = Path("runs/bench-log"),
+        json: Json = False,
+    ) -> Shown:
+        """How fast logs are written and read, beside the plain way to do it, and their part of an episode's time.
+
+        Args:
+            towers: episodes to measure; one takes about 20 s on idle cores.
+            seed: below 900000.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            out: folder of the report: bench-log.json and .md.
+        """
+        from jenga_data.bench.log import bench_log
+
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        report = bench_log(config, towers, seed, out)
+        return Shown(json, report, f"{report.pop('text')}\n{out}")
+
+    return {"sim": sim, "robot": robot, "log": log}
 
 
 def report() -> dict[str, Verb]:

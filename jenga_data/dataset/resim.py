@@ -17,9 +17,10 @@ def make_again(manifest: Manifest, origins: Sequence[Origin], workers: int, out:
     Those that the same code has logged there are kept, so a run that was stopped is gone on with.
 
     Raises:
-        JengaError: one cannot be made again, `out` cannot be written, or a worker died.
+        JengaError: one cannot be made again or had to be set aside, or `out` cannot be written.
     """
     from jenga_data.collect.config import episode_key
+    from jenga_data.collect.set_aside import refuse_missing
     from jenga_data.collect.workers import run_episodes, run_one
 
     logs: dict[Origin, Path] = {}
@@ -29,7 +30,8 @@ def make_again(manifest: Manifest, origins: Sequence[Origin], workers: int, out:
         config, numbers = configs[0], [origin.number for origin in members]
         folder = out / f"{name}-s{seed}-{code_hash()[:8]}"
         rollout = partial(run_one, config)
-        run_episodes(rollout, config, seed, numbers, workers, folder, label="making episodes again")
+        done = run_episodes(rollout, config, seed, numbers, workers, folder, label="making episodes again")
+        refuse_missing(folder, done.set_aside)
         logs |= {o: folder / f"{episode_key(config, seed, o.number)}.mcap" for o in members}
     return logs
 

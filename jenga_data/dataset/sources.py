@@ -16,7 +16,7 @@ from jenga_data.log.files import file_sha256
 from jenga_data.log.output import PARTIAL
 from jenga_data.log.reader import read_header
 from jenga_data.outcome import Outcome
-from jenga_data.pool import BrokenProcessPool, run_all
+from jenga_data.pool import run_every
 from jenga_data.progress import progress
 
 _LOG = logging.getLogger(__name__)
@@ -142,12 +142,9 @@ def _looks(paths: Sequence[Path], workers: int) -> list[_Look]:
     chunks = [tuple(paths[i : i + _LOGS_A_TASK]) for i in range(0, len(paths), _LOGS_A_TASK)]
     found: dict[tuple[Path, ...], _Look] = {}
     with progress("read headers", len(paths)) as bar:
-        try:
-            for chunk, look in run_all(_look, chunks, max(1, min(workers, len(chunks) // 2))):
-                found[chunk] = look
-                bar.advance(len(chunk))
-        except BrokenProcessPool as error:
-            raise JengaError("a worker died, killed or out of memory: run the same command with --workers 1") from error
+        for chunk, look in run_every(_look, chunks, max(1, min(workers, len(chunks) // 2))):
+            found[chunk] = look
+            bar.advance(len(chunk))
     return [found[chunk] for chunk in chunks]
 
 

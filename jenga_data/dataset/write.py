@@ -18,7 +18,7 @@ from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode
-from jenga_data.pool import BrokenProcessPool, run_all
+from jenga_data.pool import run_every
 from jenga_data.progress import progress
 
 
@@ -71,12 +71,9 @@ def _written(tasks: Sequence[_Task], workers: int, each: Callable[[Sequence[Sour
         for task in tasks:
             yield _write_shard(task, lambda source: each([source]))
         return
-    try:
-        for task, part in run_all(_write_shard, tasks, workers):
-            each(task.shard.sources)
-            yield part
-    except BrokenProcessPool as error:
-        raise JengaError("a worker died, killed or out of memory: run the same command with --workers 1") from error
+    for task, part in run_every(_write_shard, tasks, workers):
+        each(task.shard.sources)
+        yield part
 
 
 def _write_shard(task: _Task, each: Callable[[Source], None] = lambda _: None) -> Written:

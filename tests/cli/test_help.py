@@ -82,6 +82,7 @@ def test_the_list_of_verbs_is_the_design_s():
         "log doctor",
         "log recover",
         "bench sim",
+        "bench log",
         "report touch",
     }
 

@@ -24,6 +24,8 @@ from jenga_data.collect.workers import CollectSummary
         (("convert", "--name", "x", "--version", "0.1.0", "--out", "x"), "no folder of logs was given"),
         (("bench", "sim", "--towers", "0"), "towers is 0 and workers is 2; both must be at least 1"),
         (("bench", "sim", "--seed", "900000"), "seed is 900000; allowed: 0 to 899999"),
+        (("bench", "log", "--towers", "0"), "towers is 0; allowed: 1 or more"),
+        (("bench", "log", "--seed", "900000"), "seed is 900000; allowed: 0 to 899999"),
     ],
 )
 def test_wrong_usage(args, says):
@@ -74,7 +76,7 @@ def test_an_extraction_has_one_body(tmp_path):
 def test_short_options_make_the_recipe_of_the_long_one(options, body, tmp_path, monkeypatch):
     recipes = []
 
-    def collect(config, seed, numbers, workers, out) -> CollectSummary:
+    def collect(config, seed, numbers, workers, out, timeout) -> CollectSummary:
         recipes.append(recipe(config))
         return CollectSummary(len(numbers), {}, {}, 0, 0.0, str(out))
 
