@@ -1,10 +1,12 @@
 """Opening a dataset: columns as numpy arrays, whole and without an object a row."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow.parquet as pq
 from jaxtyping import Float, Int, Shaped
 
 from jenga_data.dataset.locate import locate
@@ -101,8 +103,17 @@ class Dataset:
         return Ragged(np.concatenate([[0], np.cumsum(lengths)]), np.concatenate([part.values for part in parts]))
 
     def _parts(self, name: str) -> list[np.ndarray | Ragged]:
-        schema = arrow_schema(COLUMNS[self.manifest.kind], self.manifest.blocks)
         parts = []
+        for entry, metadata in zip(self.manifest.data_files, self._metadata, strict=True):
+            with open_parquet(self.folder / entry.path, metadata) as file:
+                parts.append(numpy_column(file.read(columns=[name]).column(0)))
+        return parts
+
+    @cached_property
+    def _metadata(self) -> list[pq.FileMetaData]:
+        """What each data file says of itself, checked: half of the time that reading a column of a file takes."""
+        schema = arrow_schema(COLUMNS[self.manifest.kind], self.manifest.blocks)
+        found = []
         for entry in self.manifest.data_files:
             with open_parquet(self.folder / entry.path) as file:
                 if not file.schema_arrow.equals(schema) or file.metadata.num_rows != entry.rows:
@@ -110,8 +121,8 @@ class Dataset:
                         f"{self.folder / entry.path} has other columns or rows than its manifest says: "
                         f"run `jenga dataset verify {self.folder}`"
                     )
-                parts.append(numpy_column(file.read(columns=[name]).column(0)))
-        return parts
+                found.append(file.metadata)
+        return found
 
 
 def open_dataset(where: str | Path) -> Dataset:

@@ -106,14 +106,14 @@ class TableWriter:
 
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a memory-mapped Parquet file for reading.
+def open_parquet(path: Path, metadata: pq.FileMetaData | None = None) -> Iterator[pq.ParquetFile]:
+    """Open a memory-mapped Parquet file for reading; its `metadata` need not be read a second time.
 
     Raises:
         CheckFailed: the file is damaged, or no Parquet file.
     """
     try:
-        with pq.ParquetFile(path, memory_map=True) as file:
+        with pq.ParquetFile(path, memory_map=True, metadata=metadata) as file:
             yield file
     except (pa.ArrowException, OSError) as error:
         reason = str(error).splitlines()[0]
