@@ -9,21 +9,20 @@ import msgspec
 
 from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.limits import MAX_BLOCKS, MAX_COUNT, MAX_MANIFEST_BYTES
 
 MANIFEST = "manifest.json"
 DATA = "data/"
 """Folder of the files that hold rows."""
-MAX_BYTES = 64 * 2**20
-"""Larger manifests are refused unread: 100,000 towers take 3 MB."""
 
 SPLITS = ("train", "validation", "test")
 
 _NAME = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 _VERSION = r"^(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)$"
 Name = Annotated[str, msgspec.Meta(pattern=_NAME)]
-Version = Annotated[str, msgspec.Meta(pattern=_VERSION)]
+Version = Annotated[str, msgspec.Meta(pattern=_VERSION, max_length=32)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
-Count = Annotated[int, msgspec.Meta(ge=0)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_COUNT)]
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -128,7 +127,7 @@ class Manifest(_Strict, frozen=True):
     format_version: Version
     kind: str
     description: str
-    blocks: Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+    blocks: Annotated[int, msgspec.Meta(ge=1, le=MAX_BLOCKS)]
     features: list[Feature]
     files: list[File]
     splits: Splits
@@ -195,19 +194,22 @@ def load_manifest(path: Path) -> Manifest:
     """
     path = path / MANIFEST if path.is_dir() else path
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_BYTES}")
+        if path.exists() and not path.is_file():
+            raise JengaError(f"{path} is no regular file; a dataset is a folder with a {MANIFEST}")
+        if path.stat().st_size > MAX_MANIFEST_BYTES:
+            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_MANIFEST_BYTES}")
         raw = path.read_bytes()
     except OSError as error:
         raise JengaError(f"cannot read {path}: {error.strerror}; a dataset is a folder with a {MANIFEST}") from error
     try:
         _check_format(path, msgspec.json.decode(raw, type=_Format).format_version)
         manifest = msgspec.json.decode(raw, type=Manifest)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        own_hash = manifest_hash(manifest)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError, OverflowError) as error:
         raise JengaError(f"{path} is no valid manifest: {error}") from error
     if manifest.kind not in DATASET_KIND.values():
         raise JengaError(f"{path} is of kind {manifest.kind!r}; allowed: {', '.join(DATASET_KIND.values())}")
-    if manifest.hash != manifest_hash(manifest):
+    if manifest.hash != own_hash:
         raise CheckFailed(f"{path} does not match its own hash: it was edited or damaged; get the dataset again")
     _check_paths(path, manifest.files)
     return manifest

@@ -27,7 +27,7 @@ from jenga_data.episode import (
     RobotState,
     Solid,
 )
-from jenga_data.log.profile import MAX_BLOCKS, MAX_PARTS
+from jenga_data.limits import MAX_BLOCKS, MAX_PARTS
 from jenga_data.log.proto import jenga_pb2 as pb
 from jenga_data.outcome import Outcome, Verdict
 from jenga_data.tower import SLOTS, Layout

@@ -56,7 +56,7 @@ def _indexed(stream: BinaryIO, topics: Collection[str], attachments: Collection[
             chunk = parse_record(read_record(stream, index.chunk_start_offset, size))
             if not isinstance(chunk, Chunk):
                 raise ValueError(f"no chunk at byte {index.chunk_start_offset}")
-            out += [r for r in unpack(chunk) if isinstance(r, Message) and r.channel_id in channels]
+            out += [record for record in unpack(chunk, channels) if isinstance(record, Message)]
     return out
 
 
