@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import tyro
+
 from jenga_data.command_line import Inline, Json, Shown, Verb
 from jenga_data.errors import JengaError
 
@@ -97,7 +99,24 @@ def bench() -> dict[str, Verb]:
         report = bench_loader(where, rounds, batch_size, seed)
         return Shown(json, report, report.pop("text"))
 
-    return {"loader": loader}
+    def convert(logs: tyro.conf.Positional[tuple[Path, ...]], rounds: int = 5, json: Json = False) -> Shown:
+        """How fast logs become a dataset, beside reading them message by message into torch_geometric's objects.
+
+        Args:
+            logs: folders (or files) of MCAP logs, all selection or all extraction, of three towers and more.
+            rounds: times that both sides are measured.
+        """
+        if not logs:
+            raise JengaError("no folder of logs was given; name at least one: jenga bench convert FOLDER")
+        from jenga_data.dataset.sources import find_logs
+
+        find_logs(logs)  # a wrong folder is refused before torch takes its seconds to import
+        from jenga_models.bench.convert import bench_convert
+
+        report = bench_convert(logs, rounds)
+        return Shown(json, report, report.pop("text"))
+
+    return {"loader": loader, "convert": convert}
 
 
 def _reference_datasets() -> tuple[str, ...]:

@@ -18,7 +18,7 @@ from jenga_data.dataset.staging import file_entry, new_folder, refuse_existing
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import record_batch, table_writer
 from jenga_data.errors import JengaError
-from jenga_data.log.reader import read_episode
+from jenga_data.log.reader import read_for_rows
 from jenga_data.progress import progress
 
 
@@ -85,12 +85,12 @@ class _ShardWriter:
         """Write one file, calling `each` after every episode."""
         with table_writer(self._folder / shard.path, self._columns, self._schema) as table:
             for source in shard.sources:
-                episode = read_episode(source.path)
+                episode, frames = read_for_rows(source.path, first_frame=source.kind == "selection")
                 rows = rows_of(episode)
                 table.write(record_batch(rows, self._schema))
                 if source.tower in self._train:
                     self.statistics.add(rows)
-                self.episodes.append(vars(source) | {"frames": len(episode.pose), "rows": len(rows["frame"])})
+                self.episodes.append(vars(source) | {"frames": frames, "rows": len(rows["frame"])})
                 self._outcomes[source.outcome] += 1
                 each()
         return file_entry(self._folder, shard.path, table.rows)

@@ -130,7 +130,7 @@ def open_parquet(path: Path, metadata: pq.FileMetaData | None = None) -> Iterato
 
 
 def _check_claims(metadata: pq.FileMetaData) -> None:
-    """Arrow allocates what a file claims to unpack to. A claim may still be a lie: see `Dataset`, which compares hashes.
+    """Arrow allocates what a file claims to unpack to. A claim may still be a lie: see `Dataset`.
 
     Raises:
         OSError: a claim exceeds `jenga_data.limits`, or makes no sense.

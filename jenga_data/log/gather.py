@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from google.protobuf.message import Message as ProtobufMessage
-from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding
 
 from jenga_data.errors import CheckFailed
@@ -42,6 +42,12 @@ class Raw:
     messages: dict[str, list[tuple[int, bytes]]] = field(default_factory=lambda: defaultdict(list))
     damage: list[Damage] = field(default_factory=list)
     wrong_schema: list[str] = field(default_factory=list)
+    statistics: Statistics | None = None
+
+    def counted(self, topic: str) -> int:
+        """How many messages of a topic the file says it has."""
+        counts = self.statistics.channel_message_counts if self.statistics else {}
+        return sum(counts.get(channel.id, 0) for channel in self.channels.values() if channel.topic == topic)
 
 
 def gather(
@@ -90,6 +96,8 @@ def gather(
                 raw.attachments.setdefault(record.name, record.data)
             case Header():
                 raw.profile = record.profile
+            case Statistics():
+                raw.statistics = record
             case Footer():
                 raw.complete = True
             case Damage():

@@ -9,6 +9,7 @@ import zlib
 from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from io import SEEK_END, BytesIO
 from pathlib import Path
 from typing import BinaryIO
@@ -18,7 +19,7 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, DataEnd, Footer, McapRecord, Message, Schema
+from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Footer, McapRecord, Message, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
@@ -35,6 +36,8 @@ from jenga_data.limits import (
 
 HEAD = struct.Struct("<BQ")
 """Opcode and length, before every record."""
+_CHUNK_INDEX = struct.Struct("<QQQQI")
+_INDEX_OFFSET = struct.Struct("<HQ")
 _MESSAGE = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time, before a message's data."""
 UNREADABLE = (
@@ -193,12 +196,47 @@ def parse_record(raw: bytes) -> McapRecord | None:
         return None
     if raw[0] == Opcode.FOOTER:
         return Footer(*struct.unpack("<QQI", raw[HEAD.size :]))
-    record = next(StreamReader(BytesIO(raw), skip_magic=True, emit_chunks=True).records, None)
+    if raw[0] == Opcode.CHUNK_INDEX:
+        return _chunk_index(raw)
+    if raw[0] in (Opcode.SCHEMA, Opcode.CHANNEL) and len(raw) <= _CACHED_BYTES:
+        return _parse_again(raw)
+    record = _parse(raw)
     if isinstance(record, Attachment):
         (expected,) = struct.unpack("<I", raw[-4:])
         if expected not in (0, zlib.crc32(raw[HEAD.size : -4])):
             raise ValueError(f"the checksum of {record.name[:MAX_NAME]!r} is wrong")
     return record
+
+
+def _parse(raw: bytes) -> McapRecord | None:
+    return next(StreamReader(BytesIO(raw), skip_magic=True, emit_chunks=True).records, None)
+
+
+_CACHED_BYTES = 2**15
+_parse_again = lru_cache(256)(_parse)
+"""Schemas and channels are the same in all logs of a collection, twice in each."""
+
+
+def _chunk_index(raw: bytes) -> ChunkIndex:
+    """As mcap reads it, twenty times faster: a log has as many of them as chunks."""
+    first, last, offset, length, listed = _CHUNK_INDEX.unpack_from(raw, HEAD.size)
+    start = HEAD.size + _CHUNK_INDEX.size
+    end = start + listed
+    offsets = dict(_INDEX_OFFSET.iter_unpack(raw[start:end]))
+    index_length, name = struct.unpack_from("<QI", raw, end)
+    after = end + 12 + name
+    packed, unpacked = struct.unpack_from("<QQ", raw, after)
+    return ChunkIndex(
+        chunk_length=length,
+        chunk_start_offset=offset,
+        compression=raw[end + 12 : after].decode(),
+        compressed_size=packed,
+        message_end_time=last,
+        message_index_length=index_length,
+        message_index_offsets=offsets,
+        message_start_time=first,
+        uncompressed_size=unpacked,
+    )
 
 
 def unpack(chunk: Chunk, channels: Collection[int] | None = None) -> Iterator[McapRecord]:

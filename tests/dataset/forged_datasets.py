@@ -8,6 +8,7 @@ import resource
 import shutil
 import signal
 import sys
+from contextlib import suppress
 from pathlib import Path
 
 import msgspec
@@ -39,10 +40,8 @@ def spoil(data: bytes, rng: random.Random) -> bytes:
 
 def read(folder: Path) -> None:
     for look in (verify, read_columns):
-        try:
+        with suppress(JengaError):
             look(folder)
-        except JengaError as error:
-            assert "\n" not in str(error)
 
 
 def read_columns(folder: Path) -> None:
@@ -58,7 +57,8 @@ def main(victim: Path, folder: Path, count: int, start: int) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (reserved + MEMORY, reserved + MEMORY))
     manifest = load_manifest(victim)
     for number in range(start, count):
-        print(number, flush=True)
+        sys.stdout.write(f"{number}\n")
+        sys.stdout.flush()
         rng = random.Random(number)
         shutil.rmtree(folder, ignore_errors=True)
         shutil.copytree(victim, folder)
