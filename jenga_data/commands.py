@@ -89,7 +89,13 @@ def _rounds(text: str | None) -> dict[str, int]:
 
 
 def convert(
-    logs: tyro.conf.Positional[tuple[Path, ...]], name: str, version: str, out: Path, json: Json = False
+    logs: tyro.conf.Positional[tuple[Path, ...]],
+    name: str,
+    version: str,
+    out: Path,
+    onto: MaybeText = None,
+    workers: int = 2,
+    json: Json = False,
 ) -> Shown:
     """Make a Parquet graph dataset with a manifest from folders of logs.
 
@@ -98,16 +104,30 @@ def convert(
         name: of the dataset.
         version: X.Y.Z, semantic versioning.
         out: new folder of the dataset.
+        onto: a dataset (NAME@X.Y.Z or folder) that the new one continues: its files are taken over as they are, logs
+            that it holds already are skipped.
+        workers: processes that read logs; their number changes nothing but the time.
     """
-    from jenga_data.dataset.convert import convert as run
+    from jenga_data.dataset.edit_text import conversion_text, edit_lines
+    from jenga_data.dataset.episode_table import by_round
+    from jenga_data.dataset.read import open_dataset
 
     if not logs:
         raise JengaError("no folder of logs was given; name at least one: jenga convert FOLDER --name ... --out ...")
-    manifest = run(logs, out, name, version)
-    data = {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
-    counts = msgspec.to_builtins(manifest.counts)
-    text = "\n".join([f"{manifest.identifier} in {out}", *(f"  {key}: {value}" for key, value in counts.items())])
-    return Shown(json, data | {"counts": counts}, text)
+    data, lines = {}, []
+    if onto is None:
+        from jenga_data.dataset.convert import convert as run
+
+        manifest = run(logs, out, name, version, workers=workers)
+    else:
+        from jenga_data.dataset.onto import convert_onto
+
+        edited = convert_onto(onto, logs, out, name, version, workers=workers)
+        manifest, data, lines = edited.manifest, edited.as_dict(), edit_lines(edited)
+    rounds = by_round(open_dataset(out).episodes())
+    data |= {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
+    data |= {"counts": msgspec.to_builtins(manifest.counts), "rounds": rounds}
+    return Shown(json, data, "\n".join([f"{manifest.identifier} in {out}", *lines, conversion_text(manifest, rounds)]))
 
 
 def log() -> dict[str, Verb]:

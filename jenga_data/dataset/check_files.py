@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jenga_data.dataset import describe
 from jenga_data.dataset.manifest import DATA, MANIFEST, Manifest, canonical_bytes
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, arrow_schema
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, arrow_schema, columns_of
 from jenga_data.dataset.tables import open_parquet
 
 
@@ -14,7 +14,7 @@ def check_manifest(folder: Path, manifest: Manifest) -> Iterator[str]:
     """It is written in the one way, and describes the columns of its kind."""
     if (folder / MANIFEST).read_bytes() != canonical_bytes(manifest):
         yield f"{MANIFEST} is not in canonical form: its bytes were changed"
-    if manifest.features != describe.features(manifest.kind, manifest.blocks):
+    if manifest.features != describe.features(manifest.kind, manifest.blocks, manifest.format_version):
         yield f"{MANIFEST} describes other features than a {manifest.kind} dataset has"
 
 
@@ -41,8 +41,8 @@ def check_hashes(folder: Path, manifest: Manifest) -> Iterator[str]:
 def check_schema(folder: Path, manifest: Manifest) -> Iterator[str]:
     """Every file has exactly the columns, with the descriptions, and the number of rows that it should."""
     for entry in manifest.files:
-        columns = EPISODE_COLUMNS if entry.path == EPISODES else COLUMNS[manifest.kind]
-        expected = arrow_schema(columns, manifest.blocks)
+        columns = EPISODE_COLUMNS if entry.path == EPISODES else columns_of(manifest.kind, manifest.format_version)
+        expected = arrow_schema(columns, manifest.blocks, manifest.format_version)
         with open_parquet(folder / entry.path) as file:
             if not file.schema_arrow.equals(expected, check_metadata=True):
                 found = {f.name: f for f in file.schema_arrow}

@@ -7,7 +7,7 @@ import numpy as np
 
 from jenga_data.dataset.manifest import SPLITS, Manifest, Statistic
 from jenga_data.dataset.read import Dataset
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS
+from jenga_data.dataset.schema import EPISODE_COLUMNS
 from jenga_data.outcome import Outcome
 
 Table = dict[str, np.ndarray]
@@ -62,7 +62,7 @@ def check_episodes(dataset: Dataset, rows: Table, episodes: Table) -> Iterator[s
         yield f"rows of {len(unknown)} episodes that are not in the table, first {min(unknown)}"
         return
     entry = inverse[at]
-    shared = {c.name for c in COLUMNS[dataset.manifest.kind]} & {c.name for c in EPISODE_COLUMNS}
+    shared = {c.name for c in dataset.columns} & {c.name for c in EPISODE_COLUMNS}
     for name in sorted(shared):
         if (dataset.column(name) != episodes[name][entry]).any():
             yield f"{name} differs between rows and episodes"

@@ -12,7 +12,7 @@ from jaxtyping import Float, Int, Shaped
 from jenga_data.dataset.locate import locate
 from jenga_data.dataset.manifest import SPLITS, File, Manifest, load_manifest
 from jenga_data.dataset.rows import Ragged
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, arrow_schema
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, Column, arrow_schema, columns_of
 from jenga_data.dataset.tables import numpy_column, open_parquet
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.log.files import file_sha256
@@ -45,6 +45,11 @@ class Dataset:
     def __len__(self) -> int:
         return sum(f.rows for f in self.manifest.data_files)
 
+    @property
+    def columns(self) -> tuple[Column, ...]:
+        """The columns of its rows: those that its format has."""
+        return columns_of(self.manifest.kind, self.manifest.format_version)
+
     def rows(self, split: str) -> Int[np.ndarray, " row"]:
         """Numbers of the rows of one split, ascending.
 
@@ -69,7 +74,7 @@ class Dataset:
             JengaError: there is no such column; edges are read by `edges()`.
             CheckFailed: a file is damaged.
         """
-        allowed = [c.name for c in COLUMNS[self.manifest.kind] if not c.ragged]
+        allowed = [c.name for c in self.columns if not c.ragged]
         if name not in allowed:
             raise JengaError(f"no column {name!r} of fixed shape in {self.folder}; allowed: {', '.join(allowed)}")
         parts = [part for part in self._parts(name) if isinstance(part, np.ndarray)]
@@ -123,7 +128,7 @@ class Dataset:
     @cached_property
     def _metadata(self) -> list[pq.FileMetaData]:
         """What each data file says of itself, checked: half of the time that reading a column of a file takes."""
-        schema = arrow_schema(COLUMNS[self.manifest.kind], self.manifest.blocks)
+        schema = arrow_schema(self.columns, self.manifest.blocks)
         found = []
         for entry in self.manifest.data_files:
             self._check_hash(entry)

@@ -98,6 +98,7 @@ def _state(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
     return {
         "block_size": repeat(header.blocks.size),
         "block_mass": repeat(header.blocks.mass),
+        "block_wedge": repeat(header.blocks.wedge),
         "block_pose": episode.pose[frames],
         "block_twist": episode.twist[frames],
         "level": repeat(header.layout.level),

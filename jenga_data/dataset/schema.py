@@ -13,8 +13,11 @@ BLOCK = "block"
 EDGE = "edge"
 """Stands in a shape for a length that differs from row to row."""
 
-FORMAT_VERSION = "1.0.0"
-"""SemVer of this layout of columns, files and manifest. Readers refuse another major and a newer minor version."""
+FORMAT_VERSION = "1.1.0"
+"""SemVer of this layout of columns, files and manifest. Readers refuse another major and a newer minor version.
+
+1.0.0: the first. 1.1.0: `block_wedge`, without which the rows of wedge-shaped blocks were those of boxes.
+"""
 
 EPISODES = "episodes.parquet"
 """The table of episodes, beside the rows in `data/`."""
@@ -35,7 +38,8 @@ _SCALARS = {
 
 @dataclass(frozen=True)
 class Column:
-    """One column. `shape` is that of one row: numbers, `BLOCK`, or `EDGE` alone for a list column."""
+    """One column. `shape` is that of one row: numbers, `BLOCK`, or `EDGE` alone for a list column. `since` is the
+    format (major, minor) that brought it."""
 
     name: str
     dtype: str
@@ -43,6 +47,7 @@ class Column:
     unit: str
     frame: str
     description: str
+    since: tuple[int, int] = (1, 0)
 
     def __post_init__(self) -> None:
         if self.dtype not in _SCALARS:
@@ -99,6 +104,15 @@ KEYS = (
 STATE = (
     Column("block_size", "float32", (BLOCK, 3), "m", "block", "Edge lengths along the block's own x, y, z"),
     Column("block_mass", "float32", (BLOCK,), "kg", "", "Mass"),
+    Column(
+        "block_wedge",
+        "float32",
+        (BLOCK,),
+        "m",
+        "block",
+        "How much higher the block is at its +x end than at its -x end, 0 for a box; block_size has its mean height",
+        since=(1, 1),
+    ),
     Column("block_pose", "float32", (BLOCK, 7), "m, 1", "world", f"Pose: {_WORLD_POSE}"),
     Column("block_twist", "float32", (BLOCK, 6), "m/s, rad/s", "world", f"Velocity: {_WORLD_TWIST}"),
     Column("level", "int16", (BLOCK,), "", "", "Level, counted from 0 at the bottom"),
@@ -161,6 +175,17 @@ EPISODE_COLUMNS = (
 """Columns of `episodes.parquet`: one row an episode."""
 
 
-def arrow_schema(columns: tuple[Column, ...], blocks: int) -> pa.Schema:
+def format_of(version: str) -> tuple[int, int]:
+    """Major and minor number of a format version: what a reader must know."""
+    major, minor, _ = map(int, version.split("."))
+    return major, minor
+
+
+def columns_of(kind: str, format_version: str) -> tuple[Column, ...]:
+    """Columns of `data/*.parquet` in a format that may be older than the present one."""
+    return tuple(c for c in COLUMNS[kind] if c.since <= format_of(format_version))
+
+
+def arrow_schema(columns: tuple[Column, ...], blocks: int, format_version: str = FORMAT_VERSION) -> pa.Schema:
     """The exact schema, metadata included, that a file of these columns has."""
-    return pa.schema([c.field(blocks) for c in columns], metadata={"jenga.format_version": FORMAT_VERSION})
+    return pa.schema([c.field(blocks) for c in columns], metadata={"jenga.format_version": format_version})

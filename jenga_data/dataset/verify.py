@@ -22,7 +22,6 @@ from jenga_data.dataset.locate import locate
 from jenga_data.dataset.manifest import load_manifest
 from jenga_data.dataset.read import Dataset
 from jenga_data.dataset.rows import Rows
-from jenga_data.dataset.schema import COLUMNS
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import numpy_column, open_parquet
 from jenga_data.errors import JengaError
@@ -86,7 +85,7 @@ def _content(dataset: Dataset) -> dict[str, Check]:
     manifest = dataset.manifest
     episodes = dataset.episodes()
     keys = {name: dataset.column(name) for name in ("episode", "frame")}
-    statistics = ColumnStatistics(COLUMNS[manifest.kind])
+    statistics = ColumnStatistics(dataset.columns)
     train = manifest.splits.train
     blocks_of: dict[str, set[bytes]] = {}
     wrong: dict[str, dict[str, None]] = {"ranges": {}, "edges": {}}
@@ -123,10 +122,10 @@ def _batches(dataset: Dataset, each_file: Callable[[], None]) -> Iterator[tuple[
 
 
 def _sets_of_blocks(rows: Rows) -> Iterator[tuple[str, bytes]]:
-    """Tower of each row and a hash of its blocks' sizes and masses."""
-    size, mass, tower = (np.asarray(rows[name]) for name in ("block_size", "block_mass", "tower"))
-    for i, name in enumerate(tower.tolist()):
-        yield name, hashlib.sha256(size[i].tobytes() + mass[i].tobytes()).digest()
+    """Tower of each row and a hash of its blocks' sizes, masses and, where the format has them, wedges."""
+    parts = [np.asarray(rows[name]) for name in ("block_size", "block_mass", "block_wedge") if name in rows]
+    for i, name in enumerate(np.asarray(rows["tower"]).tolist()):
+        yield name, hashlib.sha256(b"".join(part[i].tobytes() for part in parts)).digest()
 
 
 def _check(wrong: Iterable[str], passed: str) -> Check:

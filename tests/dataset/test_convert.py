@@ -176,7 +176,7 @@ def test_an_interruption_leaves_nothing_behind(selection_logs, tmp_path, monkeyp
     def interrupted(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("jenga_data.dataset.convert.file_entry", interrupted)
+    monkeypatch.setattr("jenga_data.dataset.write.file_entry", interrupted)
     with pytest.raises((KeyboardInterrupt, JengaError)) as caught:
         convert([selection_logs], tmp_path / "out", "a", "1.0.0")
     assert list(tmp_path.iterdir()) == []

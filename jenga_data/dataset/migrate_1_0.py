@@ -1,0 +1,63 @@
+"""From format 1.0 to 1.1, which has the column `block_wedge`."""
+
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+import pyarrow as pa
+
+from jenga_data.dataset import describe
+from jenga_data.dataset.manifest import Manifest, Statistic
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, arrow_schema, columns_of
+from jenga_data.dataset.staging import file_entry
+from jenga_data.dataset.tables import open_parquet, record_batch, table_writer
+from jenga_data.errors import JengaError
+
+_TO = "1.1.0"
+_WEDGE = "block_wedge"
+
+
+def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
+    """Every block gets the wedge 0, which is that of a box.
+
+    Raises:
+        JengaError: the config of a collection had wedge-shaped blocks: their wedges are in its logs alone.
+    """
+    manifest = msgspec.convert(plain, Manifest)  # whose fields are the same in both formats
+    for key, config in manifest.provenance.configs.items():
+        spawn = config.get("spawn")
+        if isinstance(spawn, dict) and spawn.get("wedge"):
+            raise JengaError(
+                f"{old} has wedge-shaped blocks (config {key}), whose wedges format 1.0 did not keep: convert its logs "
+                "again with `jenga convert`"
+            )
+    files = []
+    for file in manifest.files:
+        (new / file.path).parent.mkdir(parents=True, exist_ok=True)
+        columns = EPISODE_COLUMNS if file.path == EPISODES else columns_of(manifest.kind, _TO)
+        schema = arrow_schema(columns, manifest.blocks, _TO)
+        with table_writer(new / file.path, columns, schema) as writer, open_parquet(old / file.path) as source:
+            for group in range(source.num_row_groups):
+                writer.write(_lifted(source.read_row_group(group), schema))
+        files.append(file_entry(new, file.path, file.rows))
+    values = manifest.statistics["block_mass"].count
+    wedge = Statistic(values, *([0.0] for _ in ("mean", "std", "min", "max")))
+    lifted = msgspec.structs.replace(
+        manifest,
+        files=files,
+        features=describe.features(manifest.kind, manifest.blocks, _TO),
+        statistics=manifest.statistics | {_WEDGE: wedge},
+    )
+    return msgspec.to_builtins(lifted)
+
+
+def _lifted(table: pa.Table, schema: pa.Schema) -> pa.RecordBatch:
+    (batch,) = table.combine_chunks().to_batches()
+    if _WEDGE not in schema.names:
+        return pa.RecordBatch.from_arrays(batch.columns, schema=schema)
+    columns = {name: batch[name] for name in batch.schema.names}
+    only = pa.schema([schema.field(_WEDGE)])
+    blocks = schema.field(_WEDGE).type.list_size
+    columns[_WEDGE] = record_batch({_WEDGE: np.zeros((batch.num_rows, blocks))}, only)[_WEDGE]
+    return pa.RecordBatch.from_arrays([columns[name] for name in schema.names], schema=schema)
