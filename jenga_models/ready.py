@@ -38,13 +38,13 @@ class ReadyStore:
             upper, lower = store.edges_of(rows)
             messages = featurizer.messages(featurizer.attributes_of(store.node[rows].flatten(0, 1), upper, lower))
             known.append(messages[: len(upper)].numpy())
-        acts = store.action is not None and featurizer.spec.action
+        action = store.action if featurizer.spec.action else None
         return cls(
             store=store,
             featurizer=featurizer,
             node=(store.node - n.node_mean) / n.node_scale,
             edge=np.concatenate(known),
-            action=(store.action - n.action_mean) / n.action_scale if acts else None,
+            action=None if action is None else (action - n.action_mean) / n.action_scale,
         )
 
     def batch(self, rows: Int[Tensor, " graph"]) -> Graphs:

@@ -108,7 +108,7 @@ def fuzz(share: float) -> Callable[[Any], Any]:
         derandomize=True,
         deadline=None,
         database=None,
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=(HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.filter_too_much),
         phases=(Phase.generate, Phase.shrink),
     )
 

@@ -28,7 +28,7 @@ def data_object(batch: Batch) -> Data:
     return Data(**parts) if graphs.action is None else Data(**parts, action=graphs.action)
 
 
-def union(objects: list[Data]) -> Any:
+def union(objects: list[Any]) -> Any:
     return Union.from_data_list(objects)
 
 
@@ -38,7 +38,11 @@ def same(ours: Batch, theirs: Any) -> bool:
     Ours lists all downward messages and then all upward ones where theirs goes graph by graph.
     """
     graphs = ours.graphs
-    pairs = [(graphs.node, theirs.x), (graphs.target, theirs.target_index), (ours.wanted, theirs.y)]
+    pairs: list[tuple[Any, Any]] = [
+        (graphs.node, theirs.x),
+        (graphs.target, theirs.target_index),
+        (ours.wanted, theirs.y),
+    ]
     pairs.append((graphs.graph, theirs.batch))
     if graphs.action is not None:
         pairs.append((graphs.action, theirs.action))

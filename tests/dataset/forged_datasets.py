@@ -49,7 +49,8 @@ def read_columns(folder: Path) -> None:
     for column in COLUMNS[dataset.manifest.kind]:
         if not column.ragged:
             dataset.column(column.name)
-    dataset.edges(), dataset.episodes()
+    dataset.edges()
+    dataset.episodes()
 
 
 def main(victim: Path, folder: Path, count: int, start: int) -> None:

@@ -49,7 +49,10 @@ def read_all(folder: Path) -> tuple[str, bool]:
         for column in COLUMNS[dataset.manifest.kind]:
             if not column.ragged:
                 dataset.column(column.name)
-        dataset.edges(), dataset.rows("all"), dataset.rows("train+test"), dataset.episodes()
+        dataset.edges()
+        for rows in ("all", "train+test"):
+            dataset.rows(rows)
+        dataset.episodes()
 
     said = refused(read)
     passed = [False]

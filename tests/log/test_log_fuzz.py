@@ -8,7 +8,7 @@ import jaxtyping
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from mcap.records import Attachment, Channel, McapRecord, Message, Metadata
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mutations import ABSURD, edits, fuzz, peak_mib, refused, spoiled
 from synthetic_log import make_script, write
 
@@ -107,7 +107,7 @@ def forge(
     path.unlink(missing_ok=True)
     out = Output(path, profile.PROFILE)
     channels = {record.id: record for record in records if isinstance(record, Channel)}
-    schemas = {record.id: record for record in records if type(record).__name__ == "Schema"}
+    schemas = {record.id: record for record in records if isinstance(record, Schema)}
     numbers = {i: out.channel(channel, schemas.get(channel.schema_id)) for i, channel in channels.items()}
     for i, record in enumerate(records):
         match record:
