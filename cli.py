@@ -19,6 +19,7 @@ from jenga_data.command_line import Shown, Verb
 from jenga_data.commands import bench, collect, convert, log, report
 from jenga_data.dataset.commands import dataset
 from jenga_data.errors import JengaError
+from jenga_models.commands import bench as bench_models
 from jenga_models.commands import train
 
 VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]]] = {
@@ -34,7 +35,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     ),
     "dataset": ("list, info, verify, trace, rebuild, merge, drop, diff, migrate", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
-    "bench": ("how fast the parts are (sim, robot, log)", lambda _: bench()),
+    "bench": ("how fast the parts are (sim, robot, log, loader, convert)", lambda _: bench() | bench_models()),
     "report": ("what logged episodes show (touch)", lambda _: report()),
 }
 

@@ -99,15 +99,17 @@ def run_all(
             stop_workers(pool)
 
 
-def run_every(work: Callable[[Item], Out], items: Iterable[Item], workers: int) -> Iterator[tuple[Item, Out]]:
-    """As `run_all`, for who needs every item.
+def run_every(
+    work: Callable[[Item], Out], items: Iterable[Item], workers: int, kept: str = ""
+) -> Iterator[tuple[Item, Out]]:
+    """As `run_all`, for who needs every item. `kept` says what is not lost if one cannot be had.
 
     Raises:
         CheckFailed: an item was given up.
     """
     for item, out in run_all(work, items, workers):
         if isinstance(out, Lost):
-            raise CheckFailed(f"a task was given up: {out.tries[-1].reason}; run the same command again")
+            raise CheckFailed(f"a task was given up: {out.tries[-1].reason}; {kept}run the same command again")
         yield item, out
 
 

@@ -9,21 +9,20 @@ import msgspec
 
 from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION, format_of
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.limits import MAX_BLOCKS, MAX_COUNT, MAX_MANIFEST_BYTES
 
 MANIFEST = "manifest.json"
 DATA = "data/"
 """Folder of the files that hold rows."""
-MAX_BYTES = 64 * 2**20
-"""Larger manifests are refused unread: 100,000 towers take 3 MB."""
 
 SPLITS = ("train", "validation", "test")
 
 _NAME = r"^[a-z0-9][a-z0-9._-]{0,63}$"
 _VERSION = r"^(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})$"
 Name = Annotated[str, msgspec.Meta(pattern=_NAME)]
-Version = Annotated[str, msgspec.Meta(pattern=_VERSION)]
+Version = Annotated[str, msgspec.Meta(pattern=_VERSION, max_length=32)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
-Count = Annotated[int, msgspec.Meta(ge=0)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_COUNT)]
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -128,7 +127,7 @@ class Manifest(_Strict, frozen=True):
     format_version: Version
     kind: str
     description: str
-    blocks: Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+    blocks: Annotated[int, msgspec.Meta(ge=1, le=MAX_BLOCKS)]
     features: list[Feature]
     files: list[File]
     splits: Splits
@@ -189,8 +188,10 @@ def read_manifest_bytes(path: Path) -> bytes:
         JengaError: it is missing, or absurdly large.
     """
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_BYTES}")
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise JengaError(f"{path} is no regular file; a dataset is a folder with a {MANIFEST}")
+        if path.stat().st_size > MAX_MANIFEST_BYTES:
+            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_MANIFEST_BYTES}")
         return path.read_bytes()
     except OSError as error:
         raise JengaError(f"cannot read {path}: {error.strerror}; a dataset is a folder with a {MANIFEST}") from error
@@ -212,11 +213,12 @@ def load_manifest(path: Path) -> Manifest:
     try:
         _check_format(path, msgspec.json.decode(raw, type=_Format).format_version)
         manifest = msgspec.json.decode(raw, type=Manifest)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        own_hash = manifest_hash(manifest)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError, OverflowError) as error:
         raise JengaError(f"{path} is no valid manifest: {error}") from error
     if manifest.kind not in DATASET_KIND.values():
         raise JengaError(f"{path} is of kind {manifest.kind!r}; allowed: {', '.join(DATASET_KIND.values())}")
-    if manifest.hash != manifest_hash(manifest):
+    if manifest.hash != own_hash:
         raise CheckFailed(f"{path} does not match its own hash: it was edited or damaged; get the dataset again")
     check_paths(path, manifest.files)
     return manifest

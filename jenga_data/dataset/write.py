@@ -17,7 +17,7 @@ from jenga_data.dataset.staging import file_entry
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
 from jenga_data.errors import JengaError
-from jenga_data.log.reader import read_episode
+from jenga_data.log.reader import read_for_rows
 from jenga_data.pool import run_every
 from jenga_data.progress import progress
 
@@ -84,10 +84,10 @@ def _write_shard(task: _Task, each: Callable[[Source], None] = lambda _: None) -
     episodes = []
     with table_writer(task.folder / task.shard.path, columns, schema) as table:
         for source in task.shard.sources:
-            episode = read_episode(source.path)
+            episode, frames = read_for_rows(source.path, first_frame=source.kind == "selection")
             rows = rows_of(episode)
             table.write(record_batch(rows, schema))
-            episodes.append(vars(source) | {"frames": len(episode.pose), "rows": len(rows["frame"])})
+            episodes.append(vars(source) | {"frames": frames, "rows": len(rows["frame"])})
             each(source)
     file = file_entry(task.folder, task.shard.path, table.rows)
     return Written(file, training_statistics(task.folder / file.path, columns, task.train), episodes)
