@@ -8,11 +8,11 @@ import numpy as np
 import pyarrow as pa
 
 from jenga_data.dataset import describe
-from jenga_data.dataset.manifest import Manifest, Statistic
+from jenga_data.dataset.manifest import MANIFEST, Manifest, Statistic
 from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, arrow_schema, columns_of
 from jenga_data.dataset.staging import file_entry
 from jenga_data.dataset.tables import open_parquet, record_batch, table_writer
-from jenga_data.errors import JengaError
+from jenga_data.errors import CheckFailed, JengaError
 
 _TO = "1.1.0"
 _WEDGE = "block_wedge"
@@ -22,9 +22,13 @@ def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
     """Every block gets the wedge 0, which is that of a box.
 
     Raises:
+        CheckFailed: a file has not the columns of format 1.0.
         JengaError: the config of a collection had wedge-shaped blocks: their wedges are in its logs alone.
     """
-    manifest = msgspec.convert(plain, Manifest)  # whose fields are the same in both formats
+    try:
+        manifest = msgspec.convert(plain, Manifest)  # whose fields are the same in both formats
+    except msgspec.ValidationError as error:
+        raise JengaError(f"{old / MANIFEST} is no valid manifest: {error}") from error
     for key, config in manifest.provenance.configs.items():
         spawn = config.get("spawn")
         if isinstance(spawn, dict) and spawn.get("wedge"):
@@ -37,9 +41,13 @@ def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
         (new / file.path).parent.mkdir(parents=True, exist_ok=True)
         columns = EPISODE_COLUMNS if file.path == EPISODES else columns_of(manifest.kind, _TO)
         schema = arrow_schema(columns, manifest.blocks, _TO)
+        before = pa.schema([field for field in schema if field.name != _WEDGE])
         with table_writer(new / file.path, columns, schema) as writer, open_parquet(old / file.path) as source:
+            if not source.schema_arrow.equals(before):
+                raise CheckFailed(f"{old / file.path} has other columns: run `jenga dataset verify {old}`")
             for group in range(source.num_row_groups):
-                writer.write(_lifted(source.read_row_group(group), schema))
+                for batch in source.read_row_group(group).combine_chunks().to_batches():
+                    writer.write(_lifted(batch, schema))
         files.append(file_entry(new, file.path, file.rows))
     values = manifest.statistics["block_mass"].count
     wedge = Statistic(values, *([0.0] for _ in ("mean", "std", "min", "max")))
@@ -52,8 +60,7 @@ def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
     return msgspec.to_builtins(lifted)
 
 
-def _lifted(table: pa.Table, schema: pa.Schema) -> pa.RecordBatch:
-    (batch,) = table.combine_chunks().to_batches()
+def _lifted(batch: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
     if _WEDGE not in schema.names:
         return pa.RecordBatch.from_arrays(batch.columns, schema=schema)
     columns = {name: batch[name] for name in batch.schema.names}

@@ -1,14 +1,17 @@
 """Opening a dataset: columns as numpy arrays, whole and without an object a row."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import pyarrow.parquet as pq
 from jaxtyping import Float, Int, Shaped
 
 from jenga_data.dataset.locate import locate
-from jenga_data.dataset.manifest import SPLITS, Manifest, load_manifest
+from jenga_data.dataset.manifest import SPLITS, File, Manifest, load_manifest
 from jenga_data.dataset.rows import Ragged
 from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, Column, arrow_schema, columns_of
 from jenga_data.dataset.tables import numpy_column, open_parquet
@@ -106,17 +109,27 @@ class Dataset:
         return Ragged(np.concatenate([[0], np.cumsum(lengths)]), np.concatenate([part.values for part in parts]))
 
     def _parts(self, name: str) -> list[np.ndarray | Ragged]:
-        schema = arrow_schema(self.columns, self.manifest.blocks)
         parts = []
         for entry in self.manifest.data_files:
-            with open_parquet(self.folder / entry.path) as file:
-                if not file.schema_arrow.equals(schema) or file.metadata.num_rows != entry.rows:
-                    raise CheckFailed(
-                        f"{self.folder / entry.path} has other columns or rows than its manifest says: "
-                        f"run `jenga dataset verify {self.folder}`"
-                    )
+            with self.open_file(entry) as file:
                 parts.append(numpy_column(file.read(columns=[name]).column(0)))
         return parts
+
+    @contextmanager
+    def open_file(self, entry: File) -> Iterator[pq.ParquetFile]:
+        """One of the files of rows, to be read group by group.
+
+        Raises:
+            CheckFailed: it is damaged, or has other columns or rows than it should.
+        """
+        with open_parquet(self.folder / entry.path) as file:
+            expected = arrow_schema(self.columns, self.manifest.blocks)
+            if not file.schema_arrow.equals(expected) or file.metadata.num_rows != entry.rows:
+                raise CheckFailed(
+                    f"{self.folder / entry.path} has other columns or rows than its manifest says: "
+                    f"run `jenga dataset verify {self.folder}`"
+                )
+            yield file
 
 
 def open_dataset(where: str | Path) -> Dataset:
