@@ -169,14 +169,15 @@ def _fingerprints(dataset: Dataset, shared: set[str], keys: set[str]) -> dict[st
     for file in dataset.manifest.data_files:
         if file.sha256 in shared:
             continue
-        for key, batch in episode_batches(dataset.folder / file.path):
-            if key not in keys:
-                continue
-            columns = hashes.setdefault(key, {n: (hashlib.sha256(), hashlib.sha256()) for n in batch.schema.names})
-            for name, (values, lengths) in columns.items():
-                column = numpy_column(batch[name])
-                values.update(_bytes(column.values if isinstance(column, Ragged) else column))
-                lengths.update(_bytes(np.diff(column.offset)) if isinstance(column, Ragged) else b"")
+        with dataset.open_file(file) as source:
+            for key, batch in episode_batches(source):
+                if key not in keys:
+                    continue
+                columns = hashes.setdefault(key, {n: (hashlib.sha256(), hashlib.sha256()) for n in batch.schema.names})
+                for name, (values, lengths) in columns.items():
+                    column = numpy_column(batch[name])
+                    values.update(_bytes(column.values if isinstance(column, Ragged) else column))
+                    lengths.update(_bytes(np.diff(column.offset)) if isinstance(column, Ragged) else b"")
     return {key: {n: v.digest() + s.digest() for n, (v, s) in columns.items()} for key, columns in hashes.items()}
 
 

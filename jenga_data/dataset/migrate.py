@@ -14,7 +14,10 @@ from jenga_data.dataset.manifest import (
     MANIFEST,
     File,
     Manifest,
+    Name,
     Parent,
+    Sha256,
+    Version,
     canonical_bytes,
     check_identity,
     check_paths,
@@ -102,10 +105,10 @@ def _read(folder: Path) -> tuple[Plain, Parent]:
 class _Said(msgspec.Struct):
     """What a manifest of every format has."""
 
-    name: str
-    version: str
-    format_version: str
-    hash: str
+    name: Name
+    version: Version
+    format_version: Version
+    hash: Sha256
     files: list[Any]
 
 

@@ -1,4 +1,4 @@
-"""From format 1.0 to 1.1, which has the column `block_wedge`."""
+"""From format 1.0 to 1.1, which has the column `block_wedge`, and poses, velocities and forces in steps."""
 
 from pathlib import Path
 from typing import Any
@@ -8,23 +8,37 @@ import numpy as np
 import pyarrow as pa
 
 from jenga_data.dataset import describe
-from jenga_data.dataset.manifest import Manifest, Statistic
-from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, arrow_schema, columns_of
+from jenga_data.dataset.manifest import MANIFEST, Manifest
+from jenga_data.dataset.rows import Ragged, Rows, in_steps
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, FORCE_STEP, POSE_STEP, TWIST_STEP, arrow_schema, columns_of
 from jenga_data.dataset.staging import file_entry
-from jenga_data.dataset.tables import open_parquet, record_batch, table_writer
-from jenga_data.errors import JengaError
+from jenga_data.dataset.statistics import ColumnStatistics
+from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
+from jenga_data.dataset.write import training_statistics
+from jenga_data.errors import CheckFailed, JengaError
 
 _TO = "1.1.0"
 _WEDGE = "block_wedge"
+_STEP = {
+    "block_pose": POSE_STEP,
+    "next_pose": POSE_STEP,
+    "block_twist": TWIST_STEP,
+    "next_twist": TWIST_STEP,
+    "edge_force": FORCE_STEP,
+}
 
 
 def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
-    """Every block gets the wedge 0, which is that of a box.
+    """Every block gets the wedge 0, which is that of a box; what comes in steps is rounded to them.
 
     Raises:
+        CheckFailed: a file has not the columns of format 1.0.
         JengaError: the config of a collection had wedge-shaped blocks: their wedges are in its logs alone.
     """
-    manifest = msgspec.convert(plain, Manifest)  # whose fields are the same in both formats
+    try:
+        manifest = msgspec.convert(plain, Manifest)  # whose fields are the same in both formats
+    except msgspec.ValidationError as error:
+        raise JengaError(f"{old / MANIFEST} is no valid manifest: {error}") from error
     for key, config in manifest.provenance.configs.items():
         spawn = config.get("spawn")
         if isinstance(spawn, dict) and spawn.get("wedge"):
@@ -37,27 +51,33 @@ def add_wedge(old: Path, plain: dict[str, Any], new: Path) -> dict[str, Any]:
         (new / file.path).parent.mkdir(parents=True, exist_ok=True)
         columns = EPISODE_COLUMNS if file.path == EPISODES else columns_of(manifest.kind, _TO)
         schema = arrow_schema(columns, manifest.blocks, _TO)
+        before = pa.schema([field for field in schema if field.name != _WEDGE])
         with table_writer(new / file.path, columns, schema) as writer, open_parquet(old / file.path) as source:
+            if not source.schema_arrow.equals(before):
+                raise CheckFailed(f"{old / file.path} has other columns: run `jenga dataset verify {old}`")
             for group in range(source.num_row_groups):
-                writer.write(_lifted(source.read_row_group(group), schema))
+                for batch in source.read_row_group(group).combine_chunks().to_batches():
+                    writer.write(_lifted(batch, schema))
         files.append(file_entry(new, file.path, file.rows))
-    values = manifest.statistics["block_mass"].count
-    wedge = Statistic(values, *([0.0] for _ in ("mean", "std", "min", "max")))
+    statistics = ColumnStatistics(columns_of(manifest.kind, _TO))
+    for file in manifest.data_files:
+        path, columns = new / file.path, columns_of(manifest.kind, _TO)
+        statistics.merge(training_statistics(path, columns, frozenset(manifest.splits.train)))
     lifted = msgspec.structs.replace(
         manifest,
         files=files,
         features=describe.features(manifest.kind, manifest.blocks, _TO),
-        statistics=manifest.statistics | {_WEDGE: wedge},
+        statistics=statistics.summary(),
     )
     return msgspec.to_builtins(lifted)
 
 
-def _lifted(table: pa.Table, schema: pa.Schema) -> pa.RecordBatch:
-    (batch,) = table.combine_chunks().to_batches()
-    if _WEDGE not in schema.names:
-        return pa.RecordBatch.from_arrays(batch.columns, schema=schema)
-    columns = {name: batch[name] for name in batch.schema.names}
-    only = pa.schema([schema.field(_WEDGE)])
-    blocks = schema.field(_WEDGE).type.list_size
-    columns[_WEDGE] = record_batch({_WEDGE: np.zeros((batch.num_rows, blocks))}, only)[_WEDGE]
-    return pa.RecordBatch.from_arrays([columns[name] for name in schema.names], schema=schema)
+def _lifted(batch: pa.RecordBatch, schema: pa.Schema) -> pa.RecordBatch:
+    rows: Rows = {name: numpy_column(batch[name]) for name in batch.schema.names}
+    for name in rows.keys() & _STEP.keys():
+        column, step = rows[name], _STEP[name]
+        ragged = isinstance(column, Ragged)
+        rows[name] = Ragged(column.offset, in_steps(column.values, step)) if ragged else in_steps(column, step)
+    if _WEDGE in schema.names:
+        rows[_WEDGE] = np.zeros((batch.num_rows, schema.field(_WEDGE).type.list_size))
+    return record_batch(rows, schema)

@@ -113,7 +113,7 @@ def joined_invalid(parents: Sequence[tuple[Manifest, Table]]) -> int:
                     f"number {min(both)} of seed {key[0]} is an episode of {manifest.identifier} and one with broken "
                     "physics of another parent: drop it from the first, or leave one parent out"
                 )
-    return sum(manifest.counts.invalid for manifest, _ in parents) - twice
+    return max(sum(manifest.counts.invalid for manifest, _ in parents) - twice, 0)
 
 
 def _listed(table: Table) -> Numbers:

@@ -12,7 +12,7 @@ from jenga_data.dataset.episode_table import Table
 from jenga_data.dataset.manifest import SPLITS, File, Label, Manifest, Parent, Provenance, Splits, check_identity
 from jenga_data.dataset.read import Dataset, open_dataset
 from jenga_data.dataset.schema import FORMAT_VERSION, format_of
-from jenga_data.dataset.tables import numpy_column, open_parquet
+from jenga_data.dataset.tables import numpy_column
 from jenga_data.errors import CheckFailed, JengaError
 
 
@@ -79,7 +79,7 @@ def open_parent(where: str | Path) -> Opened:
             f"`jenga dataset migrate {dataset.folder} --out NEW`"
         )
     episodes = dataset.episodes()
-    keys = {file.path: _keys_in(dataset.folder / file.path) for file in dataset.manifest.data_files}
+    keys = {file.path: _keys_in(dataset, file) for file in dataset.manifest.data_files}
     if unknown := {key for found in keys.values() for key in found} - set(episodes["episode"].tolist()):
         raise CheckFailed(
             f"{dataset.folder} has rows of episode {min(unknown)}, which is not in its table: "
@@ -88,9 +88,9 @@ def open_parent(where: str | Path) -> Opened:
     return Opened(dataset, episodes, keys)
 
 
-def _keys_in(path: Path) -> list[str]:
-    with open_parquet(path) as file:
-        column = np.asarray(numpy_column(file.read(columns=["episode"]).column(0)))
+def _keys_in(dataset: Dataset, file: File) -> list[str]:
+    with dataset.open_file(file) as source:
+        column = np.asarray(numpy_column(source.read(columns=["episode"]).column(0)))
     return list(dict.fromkeys(column.tolist()))
 
 

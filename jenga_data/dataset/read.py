@@ -1,5 +1,7 @@
 """Opening a dataset: columns as numpy arrays, whole and without an object a row."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -120,16 +122,27 @@ class Dataset:
 
     def _parts(self, name: str) -> list[np.ndarray | Ragged]:
         parts = []
-        for entry, metadata in zip(self.manifest.data_files, self._metadata, strict=True):
-            with open_parquet(self.folder / entry.path, metadata) as file:
+        for entry in self.manifest.data_files:
+            with self.open_file(entry) as file:
                 parts.append(numpy_column(file.read(columns=[name]).column(0)))
         return parts
 
+    @contextmanager
+    def open_file(self, entry: File) -> Iterator[pq.ParquetFile]:
+        """One of the files of rows, to be read group by group.
+
+        Raises:
+            CheckFailed: it is damaged, or has other columns or rows than it should.
+        """
+        metadata = self._metadata[entry.path]
+        with open_parquet(self.folder / entry.path, metadata) as file:
+            yield file
+
     @cached_property
-    def _metadata(self) -> list[pq.FileMetaData]:
+    def _metadata(self) -> dict[str, pq.FileMetaData]:
         """What each data file says of itself, checked: half of the time that reading a column of a file takes."""
         schema = arrow_schema(self.columns, self.manifest.blocks)
-        found = []
+        found = {}
         for entry in self.manifest.data_files:
             self._check_hash(entry)
             with open_parquet(self.folder / entry.path) as file:
@@ -138,7 +151,7 @@ class Dataset:
                         f"{self.folder / entry.path} has other columns or rows than its manifest says: "
                         f"run `jenga dataset verify {self.folder}`"
                     )
-                found.append(file.metadata)
+                found[entry.path] = file.metadata
         return found
 
     def _check_hash(self, entry: File) -> None:

@@ -48,8 +48,8 @@ def write_again(parent: Opened, file: File, keep: Collection[str], folder: Path,
     schema = arrow_schema(columns, parent.manifest.blocks)
     (folder / DATA).mkdir(exist_ok=True)
     refuse_name(folder, path)
-    with table_writer(folder / path, columns, schema) as table:
-        for key, batch in episode_batches(parent.dataset.folder / file.path):
+    with table_writer(folder / path, columns, schema) as table, parent.dataset.open_file(file) as source:
+        for key, batch in episode_batches(source):
             if key in keep:
                 table.write(batch.cast(schema))
     return Part(file_entry(folder, path, table.rows), training_statistics(folder / path, columns, train))

@@ -4,6 +4,7 @@ import shutil
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -175,7 +176,7 @@ def made(tmp_path: Path, logs_of: Callable[..., Path]) -> Callable[..., Path]:
     """A dataset NAME@1.0.0 of the logs that `logs_of` puts into NAME-logs, and of those that are there already."""
 
     def make(
-        name: str, numbers: Iterable[int], kind: str = "selection", invalid: Collection[int] = (), **options: str
+        name: str, numbers: Iterable[int], kind: str = "selection", invalid: Collection[int] = (), **options: Any
     ) -> Path:
         convert([logs_of(name, numbers, kind, invalid)], tmp_path / name, name, "1.0.0", **options)
         return tmp_path / name
