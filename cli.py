@@ -32,7 +32,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
         "how the simulated tower behaves (movable, contacts, ceiling, speed, rounds, turntable, sleep)",
         lambda _: calibrate(),
     ),
-    "dataset": ("list, info, verify", lambda _: dataset()),
+    "dataset": ("list, info, verify, push, pull, export", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
     "bench": ("how fast the parts are (sim)", lambda _: bench()),
     "report": ("what logged episodes show (touch)", lambda _: report()),
