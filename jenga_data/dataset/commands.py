@@ -2,6 +2,7 @@
 
 from dataclasses import asdict
 from pathlib import Path
+from typing import Annotated, Literal
 
 import msgspec
 import tyro
@@ -64,10 +65,27 @@ def dataset() -> dict[str, Verb]:
         from jenga_data.dataset.share.pull import pull as run
 
         done = run(address, out, split, episodes)
-        text = (
-            f"{done.dataset} in {done.out}: {done.rows} rows of {done.episodes} episodes; {done.fetched} files fetched"
-        )
-        more = f"({done.fetched_bytes / 1e6:.1f} MB), {done.kept} had come before, {done.seconds:.1f} s"
+        text = f"{done.dataset} in {done.out}: {done.rows} rows of {done.episodes} episodes; {done.fetched} files"
+        more = f"fetched ({done.fetched_bytes / 1e6:.1f} MB), {done.kept} had come before, {done.seconds:.1f} s"
         return Shown(json, asdict(done), f"{text} {more}")
 
-    return {"list": list_, "info": info, "verify": verify, "push": push, "pull": pull}
+    def export(
+        dataset: tyro.conf.Positional[str],
+        out: Path,
+        form: Annotated[Literal["croissant", "hf", "lerobot"], tyro.conf.arg(name="format")],
+        json: Json = False,
+    ) -> Shown:
+        """Write a dataset as other tools want it: Croissant 1.1, a Hugging Face dataset, a LeRobotDataset v3.0.
+
+        Args:
+            dataset: folder or NAME@X.Y.Z.
+            out: new folder.
+            form: lerobot takes dynamics datasets only.
+        """
+        from jenga_data.dataset.export.run import export as run
+
+        done = run(dataset, out, form)
+        size = f"{len(done.files)} files, {done.bytes / 1e6:.1f} MB"
+        return Shown(json, asdict(done), f"{done.dataset} as {done.format} in {done.out}: {size}")
+
+    return {"list": list_, "info": info, "verify": verify, "push": push, "pull": pull, "export": export}

@@ -101,5 +101,5 @@ def _check_size(remote: Remote, entry: File) -> None:
         raise CheckFailed(f"{entry.path} is missing at {remote.name}: get the dataset elsewhere") from error
     if size not in (None, entry.bytes):
         raise CheckFailed(
-            f"{entry.path} at {remote.name} has {size} bytes, not {entry.bytes}: it is damaged there, and was not fetched"
+            f"{entry.path} at {remote.name} has {size} bytes, not {entry.bytes}: it is damaged there, and not fetched"
         )
