@@ -54,7 +54,7 @@ def _front_matter(manifest: Manifest, files: dict[str, File], splits: Sequence[s
         f"task_categories:\n- robotics\nsize_categories:\n- {size_category(manifest.counts.rows)}\n"
         f"tags:\n- jenga\n- contact-rich-manipulation\n- graph\n- simulation\n- mujoco\n- {manifest.kind}\n"
         f"configs:\n- config_name: rows\n  default: true\n  data_files:\n{data}"
-        f"- config_name: episodes\n  data_files:\n  - split: all\n    path: {files['episodes'].path}\n---\n"
+        f"- config_name: episodes\n  data_files:\n  - split: episodes\n    path: {files['episodes'].path}\n---\n"
     )
 
 
@@ -90,13 +90,13 @@ def _counts(manifest: Manifest) -> str:
         f"Outcomes: {_listed(count.outcome)}. In {count.dragged} episodes another block was dragged along.",
         f"Rounds: {_listed(dict(sorted(count.round.items(), key=lambda item: int(item[0]))))}.",
         f"Causes on the robot's side: {_listed(count.cause) or 'none'}.",
-        f"{count.invalid} more episodes were simulated, broke the physics and are in no file.",
+        f"Episodes whose physics broke, and that are in no file: {count.invalid}.",
     ]
     return "".join(f"- {line}\n" for line in lines)
 
 
 def _listed(counts: dict[str, int]) -> str:
-    return ", ".join(f"{name} {count}" for name, count in counts.items())
+    return ", ".join(f"{name}: {count}" for name, count in counts.items())
 
 
 def _provenance(manifest: Manifest) -> str:

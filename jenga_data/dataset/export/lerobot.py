@@ -112,9 +112,10 @@ def _to_arrow(column: Shaped[np.ndarray, "frame ..."]) -> pa.Array:
 def _info(dataset: Dataset, frames: Frames, episodes: list[_Episode]) -> dict[str, Any]:
     first = {s: next((i for i, e in enumerate(episodes) if e.split == s), 0) for s in SPLITS}
     count = {s: sum(e.split == s for e in episodes) for s in SPLITS}
+    bodies = {str(config.get("body")) for config in dataset.manifest.provenance.configs.values()}
     return {
         "codebase_version": CODEBASE_VERSION,
-        "robot_type": "panda",
+        "robot_type": "panda" if bodies == {"robot"} else None,
         "total_episodes": len(episodes),
         "total_frames": len(frames["index"]),
         "total_tasks": 1,
