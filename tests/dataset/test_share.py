@@ -32,7 +32,7 @@ class Server:
     """An S3 server (moto) that refuses the next `faults` requests as a busy one does."""
 
     def __init__(self) -> None:
-        from moto.server import DomainDispatcherApplication, create_backend_app
+        from moto.moto_server.werkzeug_app import DomainDispatcherApplication, create_backend_app
         from werkzeug.serving import make_server
 
         self.faults = 0

@@ -13,6 +13,8 @@ from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, Column
 from jenga_data.report import to_json
 
 CROISSANT = "croissant.json"
+PARQUET = "application/x-parquet"
+"""The name that mlcroissant knows; the registered one, application/vnd.apache.parquet, it does not."""
 CONFORMS_TO = "http://mlcommons.org/croissant/1.1"
 LICENCES = {"CC-BY-4.0": "https://creativecommons.org/licenses/by/4.0/"}
 """Addresses of licences by their SPDX name; another one is written as it stands."""
@@ -109,7 +111,7 @@ def _file(file: File) -> dict[str, Any]:
         "name": file.path,
         "contentUrl": file.path,
         "contentSize": f"{file.bytes} B",
-        "encodingFormat": "application/vnd.apache.parquet",
+        "encodingFormat": PARQUET,
         "sha256": file.sha256,
     }
 

@@ -56,6 +56,7 @@ class Remote:
         """
         with self.fs.open(self._path(file), "rb") as stream:
             while block := stream.read(min(BLOCK_BYTES, limit + 1)):
+                assert isinstance(block, bytes)
                 limit -= len(block)
                 if limit < 0:
                     raise CheckFailed(f"{file} at {self.name} is longer than it may be: get the dataset elsewhere")
