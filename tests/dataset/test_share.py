@@ -239,6 +239,21 @@ def test_another_version_is_never_overwritten(selection, dynamics, address, tmp_
         pull(address, tmp_path / "back")
 
 
+def test_what_arrives_damaged_gets_no_manifest(selection, tmp_path, monkeypatch):
+    write = Remote.write
+
+    def one_bit_off(self: Remote, file: str, source: Path) -> None:
+        content = bytearray(source.read_bytes())
+        content[len(content) // 2] ^= 1
+        (tmp_path / "off").write_bytes(content)
+        write(self, file, tmp_path / "off")
+
+    monkeypatch.setattr(Remote, "write", one_bit_off)
+    with pytest.raises(CheckFailed, match="arrived damaged at"):
+        push(selection, str(tmp_path / "there"))
+    assert not (tmp_path / "there" / MANIFEST).exists()
+
+
 def test_files_of_something_else_at_the_address_are_not_mixed_in(selection, address):
     put(address, "data/old.parquet", b"old")
     with pytest.raises(JengaError, match=r"holds data/old.parquet, which is not of this dataset"):
@@ -361,12 +376,7 @@ def test_an_address_without_meaning_is_refused(monkeypatch):
     ("address", "module"), [("s3://lab/set", "s3fs"), ("hf://datasets/lab/set", "huggingface_hub")]
 )
 def test_a_library_that_is_missing_is_named_with_its_extra(address, module, monkeypatch):
-    known = {p: c for p, c in fsspec.registry.items() if p != address.partition(":")[0]}
-    monkeypatch.setattr("fsspec.registry._registry", known)
-    monkeypatch.setattr("fsspec.registry.registry", known)
-    monkeypatch.setitem(sys.modules, module, None)
-    for name in [n for n in sys.modules if n.startswith((f"{module}.", "s3fs"))]:
-        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delitem(sys.modules["fsspec.registry"].__dict__["_registry"], address.partition(":")[0], raising=False)
     monkeypatch.setitem(sys.modules, module, None)
     with pytest.raises(JengaError, match=r"pip install 'jenga\[share\]'") as caught:
         connect(address)
