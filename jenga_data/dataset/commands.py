@@ -6,6 +6,7 @@ import tyro
 from jenga_data.command_line import Json, Shown, Verb
 from jenga_data.dataset.edit_commands import edits
 from jenga_data.dataset.origin_commands import origins
+from jenga_data.dataset.share_commands import sharing
 
 
 def dataset() -> dict[str, Verb]:
@@ -42,4 +43,4 @@ def dataset() -> dict[str, Verb]:
         lines = [f"{'ok    ' if c.ok else 'FAILED'} {name}: {c.detail}" for name, c in report.checks.items()]
         return Shown(json, report.as_dict(), "\n".join(lines), report.ok)
 
-    return {"list": list_, "info": info, "verify": verify, **edits(), **origins()}
+    return {"list": list_, "info": info, "verify": verify, **origins(), **edits(), **sharing()}
