@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from jenga_control.pulls import Prediction, Pulls, by_information
-from jenga_data.palette import BLUE, GREEN, INK, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, VERMILLION
+from jenga_data.palette import BLUE, GREEN, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from jenga_data.report import number
 from jenga_data.statistics import BINS
 
@@ -21,15 +21,15 @@ _BAND = (0.90, 0.91, 0.92)
 def accuracies(report: dict[str, Any]) -> Figure:
     """The table as a picture: accuracy with its 95 % interval, rows grouped by what a predictor is told."""
     rows = by_information(report["rows"])
-    figure = Figure(figsize=(12, 2.0 + 0.42 * (len(rows) + 4)), layout="constrained")
-    axes = figure.subplots()
+    figure = Figure(figsize=(13, 2.0 + 0.42 * (len(rows) + 4)), layout="constrained")
+    axes, beside = figure.subplots(1, 2, sharey=True, width_ratios=(3.2, 1))
     labels, places, y = [], [], 0.0
     before = None
     for name, row in rows:
         if row["information"] != before:
             y -= 0.6 if before is not None else 0.0
             before = row["information"]
-            axes.text(0.0, y, _told(before), transform=axes.get_yaxis_transform(), color=MUTED_INK, va="center")
+            axes.text(0.01, y, _told(before), transform=axes.get_yaxis_transform(), color=MUTED_INK, va="center")
             y -= 0.9
         _interval(axes, row, y)
         labels.append(f"{name} (mean of {row['seeds']['n']})" if row.get("seeds", {}).get("n", 1) > 1 else name)
@@ -39,12 +39,25 @@ def accuracies(report: dict[str, Any]) -> Figure:
     axes.set_yticks(places, labels)
     axes.set(xlabel="accuracy on test towers, 95 % interval over towers", ylim=(y + 0.3, 1.0))
     axes.grid(visible=False, axis="y")
-    for column, (title, key) in enumerate((("AUROC", "auroc"), ("Brier", "brier"), ("ECE", "ece"))):
-        x = 1.04 + 0.08 * column
-        axes.text(x, 0.6, title, transform=axes.get_yaxis_transform(), ha="center", va="center", color=MUTED_INK)
-        for place, (_, row) in zip(places, rows, strict=True):
-            axes.text(x, place, _short(row[key]), transform=axes.get_yaxis_transform(), ha="center", va="center")
+    _numbers(beside, places, [row for _, row in rows])
     return figure
+
+
+def _numbers(axes: Axes, places: Sequence[float], rows: Sequence[dict[str, Any]]) -> None:
+    """Columns of figures beside the intervals."""
+    axes.set_axis_off()
+    columns = {
+        "accuracy": [row["accuracy"]["rate"] for row in rows],
+        **{
+            title: [row[key] for row in rows] for title, key in (("AUROC", "auroc"), ("Brier", "brier"), ("ECE", "ece"))
+        },
+    }
+    for column, (title, values) in enumerate(columns.items()):
+        x = (column + 0.5) / len(columns)
+        place = {"transform": axes.get_yaxis_transform(), "ha": "center", "va": "center"}
+        axes.text(x, 0.75, title, color=MUTED_INK, fontsize=12, **place)
+        for y, value in zip(places, values, strict=True):
+            axes.text(x, y, _short(value), fontsize=12, **place)
 
 
 def _told(information: str) -> str:
@@ -109,13 +122,13 @@ def by_round(report: dict[str, Any], names: Sequence[str]) -> Figure:
         axes.errorbar(at, rate, bars, fmt=f"{marker}-", color=colour, label=name, linewidth=1.4, capsize=2)
     axes.set(xlabel="round", ylabel="accuracy", ylim=(0, 1.02))
     axes.set_xticks([int(r) for r in report["rows"]["majority"]["by_round"]])
-    axes.legend(loc="lower left", ncols=len(names))
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=len(names))
     return figure
 
 
 def learning_curve(report: dict[str, Any]) -> Figure:
     """Accuracy on the same test towers against the number of towers trained on, mean and standard deviation."""
-    figure = Figure(figsize=(8, 5), layout="constrained")
+    figure = Figure(figsize=(10.5, 5), layout="constrained")
     axes = figure.subplots()
     for (name, points), colour, marker in zip(
         report["learning_curve"].items(), _COLOURS[1:], _MARKERS[1:], strict=False
@@ -133,5 +146,5 @@ def learning_curve(report: dict[str, Any]) -> Figure:
     if shown:
         axes.set_xticks(shown, [str(size) for size in shown])
     axes.set_xticks([], minor=True)
-    axes.legend(loc="lower right", labelcolor=INK)
+    figure.legend(loc="outside right center")
     return figure

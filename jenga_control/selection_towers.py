@@ -21,8 +21,8 @@ from jenga_models.predict import Selector
 
 COUNT = 4
 MARKS = {Outcome.EXTRACTED: "o", Outcome.STUCK: "s", Outcome.COLLAPSED: "X"}
-_ACROSS = (0.955, 0.945, 0.93)
-"""A block that lies across the view: which block it is cannot be seen, and it has no colour of its own."""
+_GRAIN = "--"
+"""On a block that lies across the view: which one it is cannot be seen, and it has no colour of its own."""
 _LEFT_OUT = tuple(0.5 * part + 0.5 for part in UNKNOWN)
 """A block that may not be pulled."""
 
@@ -82,7 +82,7 @@ def _view(axes: Axes, layout: Layout, side: int, chance: Float[np.ndarray, " blo
     colours = probability_colours(chance)
     for level in range(len(layout.grid)):
         if level % 2 != side:
-            axes.add_patch(_face(-length / 2, level * height, length, height, _ACROSS))
+            axes.add_patch(_across(-length / 2, level * height, length, height))
     for block, place in layout:
         if place.level % 2 != side:
             continue
@@ -109,6 +109,10 @@ def _face(x: float, y: float, width: float, height: float, colour: object) -> Re
     return Rectangle((x, y), width, height, facecolor=colour, edgecolor=MUTED_INK, linewidth=0.7)  # pyright: ignore
 
 
+def _across(x: float, y: float, width: float, height: float) -> Rectangle:
+    return Rectangle((x, y), width, height, facecolor=PAPER, edgecolor=_LEFT_OUT, linewidth=0.7, hatch=_GRAIN)
+
+
 def _explain(figure: Figure, grid: np.ndarray, seen: set[str]) -> None:
     steps = probability_colours(np.linspace(0, 1, 256))
     bar = figure.colorbar(
@@ -122,5 +126,6 @@ def _explain(figure: Figure, grid: np.ndarray, seen: set[str]) -> None:
         if o in seen
     ]
     grey = Rectangle((0, 0), 1, 1, facecolor=_LEFT_OUT, edgecolor=MUTED_INK, label="no legal target")  # pyright: ignore
-    across = Rectangle((0, 0), 1, 1, facecolor=_ACROSS, edgecolor=MUTED_INK, label="lies across this view")
+    across = _across(0, 0, 1, 1)
+    across.set_label("lies across this view")
     figure.legend(handles=[*marks, grey, across], loc="outside lower center", ncols=5)

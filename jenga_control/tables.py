@@ -54,7 +54,8 @@ def selection_report_tables(report: dict[str, Any]) -> str:
     parts = [
         f"{report['n']:,} pulls of {report['towers']:,} test towers of {report['dataset']}, "
         f"{report['failures']:.0%} of them failures. Baselines are fitted to {fitted['rows']:,} pulls of "
-        f"{fitted['towers']:,} other towers of {', '.join(fitted['datasets'])}, their settings chosen by cross-validation over those towers.\n",
+        f"{fitted['towers']:,} other towers of {', '.join(fitted['datasets'])}, "
+        "their settings chosen by cross-validation over those towers.\n",
         *(f"Note: {note}.\n" for note in report["notes"]),
         _whole_table(report),
         _ceiling_words(report),

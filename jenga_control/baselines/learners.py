@@ -41,7 +41,10 @@ LEARNERS: dict[str, Learner] = {
     ),
     "boosting": Learner(
         lambda: HistGradientBoostingClassifier(
-            learning_rate=0.06, min_samples_leaf=10, early_stopping=False, random_state=SEED
+            learning_rate=0.06,
+            min_samples_leaf=10,
+            early_stopping=False,  # pyright: ignore[reportArgumentType]
+            random_state=SEED,
         ),
         {"max_iter": [50, 150], "max_leaf_nodes": [4, 12]},
     ),
