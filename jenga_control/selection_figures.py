@@ -22,7 +22,7 @@ def accuracies(report: dict[str, Any]) -> Figure:
     """The table as a picture: accuracy with its 95 % interval, rows grouped by what a predictor is told."""
     rows = by_information(report["rows"])
     figure = Figure(figsize=(13, 2.0 + 0.42 * (len(rows) + 4)), layout="constrained")
-    axes, beside = figure.subplots(1, 2, sharey=True, width_ratios=(3.2, 1))
+    axes, beside = figure.subplots(1, 2, sharey=True, width_ratios=(2.6, 1))
     labels, places, y = [], [], 0.0
     before = None
     for name, row in rows:

@@ -92,15 +92,15 @@ def _torque(found: Equilibrium, which: np.ndarray, about: Float[np.ndarray, "2"]
 
 
 def _pressing(block: np.ndarray, force: np.ndarray) -> int:
-    return sum(force[block == b].sum() > PRESSED for b in np.unique(block))
+    return sum(bool(force[block == b].sum() > PRESSED) for b in np.unique(block))
 
 
 def _mates(whole: Equilibrium, without: Equilibrium, mates: np.ndarray) -> dict[str, float]:
     """What the level mates carry with the target and without it; as much as before where the tower falls."""
     after = without if without.stands else whole
     loads = {
-        "before": np.array([whole.load_on(m) for m in mates]),
-        "after": np.array([after.load_on(m) for m in mates]),
+        "before": np.array([whole.load_on(int(m)) for m in mates]),
+        "after": np.array([after.load_on(int(m)) for m in mates]),
     }
     found = {f"{end}_mate_{when}": 0.0 for when in loads for end in ("least", "most")}
     if len(mates):

@@ -79,6 +79,7 @@ def test_the_list_of_verbs_is_the_design_s():
         "log recover",
         "bench sim",
         "report touch",
+        "report selection",
     }
 
 
