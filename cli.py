@@ -14,9 +14,11 @@ import msgspec
 import tyro
 
 from jenga_control.commands import demo, evaluate, replay
+from jenga_control.commands import report as report_models
 from jenga_data.calibrate.commands import calibrate
 from jenga_data.command_line import Shown, Verb
-from jenga_data.commands import bench, collect, convert, log, report
+from jenga_data.commands import bench, collect, convert, log
+from jenga_data.commands import report as report_logs
 from jenga_data.dataset.commands import dataset
 from jenga_data.errors import JengaError
 from jenga_models.commands import bench as bench_models
@@ -36,7 +38,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     "dataset": ("list, info, verify, trace, rebuild, merge, drop, diff, migrate, push, pull, export", lambda _: dataset()),
     "log": ("info, doctor, recover", lambda _: log()),
     "bench": ("how fast the parts are (sim, robot, log, loader, convert)", lambda _: bench() | bench_models()),
-    "report": ("what logged episodes show (touch)", lambda _: report()),
+    "report": ("what logs and models show (touch, selection)", lambda _: report_logs() | report_models()),
 }
 
 

@@ -1,4 +1,4 @@
-"""The verbs that act and show: demo, eval, replay. Heavy imports stay inside."""
+"""The verbs that act and show: demo, eval, report selection, replay. Heavy imports stay inside."""
 
 from pathlib import Path
 from typing import Literal
@@ -39,18 +39,28 @@ def demo(
 
 
 def evaluate() -> dict[str, Verb]:
-    def selection(model: Path, dataset: str, json: Json = False) -> Shown:
+    def selection(
+        model: MaybePath = None,
+        dataset: str = "jenga-selection@1.0.0",
+        baselines: Literal["none", "quick", "all"] = "quick",
+        ceiling: MaybePath = None,
+        workers: int = 2,
+        json: Json = False,
+    ) -> Shown:
         """Accuracy of a selector on the test towers, next to the baselines.
 
         Args:
-            model: folder of a checkpoint.
+            model: folder of a checkpoint; by default the one that jenga comes with.
             dataset: NAME@X.Y.Z or a folder.
+            baselines: rules alone (none), learners on hand-made features as well (quick), or mechanics too (all).
+            ceiling: ceiling.json, as `jenga calibrate ceiling` writes it.
+            workers: processes that compute mechanics.
         """
-        from jenga_control.evaluate_selection import evaluate_selection
+        from jenga_control.evaluate_selection import evaluate_selection, pretrained
         from jenga_control.tables import selection_tables
         from jenga_data.dataset.read import open_dataset
 
-        report = evaluate_selection(model, open_dataset(dataset))
+        report = evaluate_selection(model or pretrained(), open_dataset(dataset), baselines, workers, ceiling)
         return Shown(json, report, selection_tables(report))
 
     def dynamics(model: Path, dataset: str, json: Json = False) -> Shown:
@@ -101,6 +111,41 @@ def evaluate() -> dict[str, Verb]:
         return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
 
     return {"selection": selection, "dynamics": dynamics, "extraction": extraction}
+
+
+def report() -> dict[str, Verb]:
+    def selection(
+        out: Path,
+        models: tuple[Path, ...] = (),
+        dataset: str = "jenga-selection@1.0.0",
+        more: tuple[str, ...] = (),
+        baselines: Literal["none", "quick", "all"] = "all",
+        ceiling: MaybePath = None,
+        logs: MaybePath = None,
+        workers: int = 2,
+        json: Json = False,
+    ) -> Shown:
+        """Which block: models, baselines and the ceiling in one table, with tests, figures and the worst mistakes.
+
+        Args:
+            out: folder of the report: selection.json, .md and figures.
+            models: folders of checkpoints; those that differ by their seed alone share a row.
+            dataset: NAME@X.Y.Z or a folder; its test towers decide.
+            more: further datasets whose training towers the baselines may see, as the models did.
+            baselines: rules alone (none), learners on hand-made features as well (quick), or mechanics too (all).
+            ceiling: ceiling.json, as `jenga calibrate ceiling` writes it.
+            logs: folder of the dataset's logs, for the commands that replay mistakes.
+            workers: processes that compute mechanics.
+        """
+        from jenga_control.selection_report import report_selection
+        from jenga_data.dataset.read import open_dataset
+
+        others = [open_dataset(name) for name in more]
+        found = report_selection(models, open_dataset(dataset), out, baselines, others, ceiling, logs, workers)
+        text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
+        return Shown(json, found, text)
+
+    return {"selection": selection}
 
 
 def replay(

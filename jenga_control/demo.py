@@ -104,7 +104,7 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
     train_dynamics(datasets["dynamics"], _with(DYNAMICS_PRESETS["fast"], settings), simulator)
 
     _say(4, "evaluate on held-out towers, next to the trivial baselines")
-    selection = evaluate_selection(selector, datasets["selection"])
+    selection = evaluate_selection(selector, datasets["selection"], baselines="none")
     dynamics = evaluate_dynamics(simulator, datasets["dynamics"])
     write_report(tables, "selection", selection, selection_tables(selection))
     write_report(tables, "dynamics", dynamics, dynamics_tables(dynamics))

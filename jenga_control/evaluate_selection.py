@@ -1,147 +1,151 @@
 """How well a selector predicts failures on held-out towers: the paper's table I, with intervals and baselines."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
-from jaxtyping import Bool, Float, Int, Shaped
+from jaxtyping import Float
 
+import jenga_models
+from jenga_control.baselines.features import Part
+from jenga_control.baselines.suite import Side, Which, predict_baselines
+from jenga_control.pulls import THRESHOLD, Prediction, Pulls, first_pulls
+from jenga_control.selection_scores import grouped_scores, more_often_right, scores
 from jenga_data.errors import JengaError
-from jenga_data.statistics import (
-    auroc,
-    brier,
-    expected_calibration_error,
-    paired_difference,
-    proportion_over_towers,
-    tower_bootstrap,
-)
-from jenga_data.tower import CENTRE
+from jenga_data.statistics import proportion_over_towers
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows, dataset_name
 from jenga_models.metrics import predict_selection
 from jenga_models.predict import opened
 
-THRESHOLD = 0.5
-"""Predicted to fail from this probability on."""
+KNOWN = "train+validation"
+"""Splits whose labels may be looked at."""
+NO_CEILING = "not measured: the agreement of repeated pulls comes from `jenga calibrate ceiling`, named with --ceiling"
 
 
-@dataclass(frozen=True, eq=False)
-class Pulls:
-    """What became of some pulls, one row each; `slot` is the target's."""
+def selection_report(
+    probability: Float[np.ndarray, " row"],
+    test: Pulls,
+    baselines: Sequence[Prediction],
+    ceiling: dict[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Score `probability`, the predicted probability that a pull fails, on `test`, next to `baselines`.
 
-    failure: Bool[np.ndarray, " row"]
-    strict_failure: Bool[np.ndarray, " row"]
-    outcome: Shaped[np.ndarray, " row"]
-    round: Int[np.ndarray, " row"]
-    slot: Int[np.ndarray, " row"]
-    tower: Shaped[np.ndarray, " row"]
-
-    def __len__(self) -> int:
-        return len(self.failure)
-
-    @classmethod
-    def of_dataset(cls, dataset: Rows, rows: Int[np.ndarray, " row"]) -> "Pulls":
-        """The given rows of a selection dataset, and no others."""
-        target = dataset.column("target")[rows]
-        return cls(
-            slot=np.take_along_axis(dataset.column("slot")[rows], target[:, None].astype(int), axis=1)[:, 0],
-            **{name: dataset.column(name)[rows] for name in ("failure", "strict_failure", "outcome", "round", "tower")},
-        )
-
-
-def baseline_predictions(train: Pulls, test: Pulls) -> dict[str, Bool[np.ndarray, " row"]]:
-    """What the trivial predictors say of `test`, each fitted to the labels of `train` alone.
-
-    `majority` says the more frequent label. `rule` is middle first: a pull fails unless its target is the centre
-    block, or the other way round, whichever is right more often on `train`.
-    """
-    centre = train.slot == CENTRE
-    fails_in_the_centre = (centre == train.failure).mean() > 0.5
-    return {
-        "majority": np.full(len(test), train.failure.mean() >= 0.5),
-        "rule": (test.slot == CENTRE) == fails_in_the_centre,
-    }
-
-
-def selection_report(probability: Float[np.ndarray, " row"], test: Pulls, train: Pulls) -> dict[str, Any]:
-    """Score `probability`, the predicted probability that a pull fails, on `test`; `train` fits the baselines.
-
-    Everything but the rates of `strict` is about the paper's label. Intervals named `ci95_towers` and those of
-    auroc and brier resample towers; ece has none, as drawing rows twice inflates it.
+    Everything but the rates of `strict` is about the paper's label; intervals are those of `selection_scores.scores`.
     """
     said = probability >= THRESHOLD
-    right = said == test.failure
-    baselines = {name: said == test.failure for name, said in baseline_predictions(train, test).items()}
-
-    def score(metric: Any) -> tuple[float | None, list[float] | None]:
-        value = metric(probability, test.failure)
-        interval = tower_bootstrap(lambda r: metric(probability[r], test.failure[r]), test.tower)
-        return (float(value) if np.isfinite(value) else None), (None if interval is None else list(interval))
-
-    def groups(label: np.ndarray) -> dict[str, Any]:
-        return {
-            str(value): {
-                "accuracy": proportion_over_towers(right[label == value], test.tower[label == value]),
-                "failures": proportion_over_towers(test.failure[label == value], test.tower[label == value]),
-            }
-            for value in np.unique(label)
+    entries = {
+        p.name: {
+            "information": p.information,
+            **scores(p.probability, test),
+            "model_minus_baseline": more_often_right(said, p.said, test),
+            "settings": p.settings,
         }
-
-    scores = {"auroc": score(auroc), "brier": score(brier)}
+        for p in baselines
+    }
     return {
         "n": len(test),
-        "accuracy": proportion_over_towers(right, test.tower),
-        **{name: value for name, (value, _) in scores.items()},
-        **{f"{name}_ci95": interval for name, (_, interval) in scores.items()},
-        "ece": expected_calibration_error(probability, test.failure),
-        "majority": proportion_over_towers(baselines["majority"], test.tower),
-        "ceiling": None,
-        "ceiling_reason": "not measured: the agreement of repeated pulls comes from `jenga calibrate ceiling`",
-        "baselines": {
-            name: {
-                "accuracy": proportion_over_towers(hits, test.tower),
-                "model_minus_baseline": paired_difference(right, hits, test.tower),
-            }
-            for name, hits in baselines.items()
-        },
+        **scores(probability, test),
+        "majority": entries["majority"]["accuracy"],
+        "ceiling": ceiling,
+        **({} if ceiling else {"ceiling_reason": NO_CEILING}),
+        "baselines": entries,
         "failures": proportion_over_towers(test.failure, test.tower),
         "strict": {
             "accuracy": proportion_over_towers(said == test.strict_failure, test.tower),
             "failures": proportion_over_towers(test.strict_failure, test.tower),
         },
-        "confusion": {
-            "failure_predicted_failure": int((test.failure & said).sum()),
-            "failure_predicted_success": int((test.failure & ~said).sum()),
-            "success_predicted_failure": int((~test.failure & said).sum()),
-            "success_predicted_success": int((~test.failure & ~said).sum()),
-        },
-        "by_round": groups(test.round),
-        "by_slot": groups(test.slot),
-        "by_outcome": groups(test.outcome),
+        **grouped_scores(probability, test),
     }
 
 
-def evaluate_selection(checkpoint: Checkpoint | Path | str, dataset: Rows) -> dict[str, Any]:
-    """Score a selector on the test split of a dataset of pulls; the train split only fits the baselines.
+def evaluate_selection(
+    checkpoint: Checkpoint | Path | str,
+    dataset: Rows,
+    baselines: Which = "quick",
+    workers: int = 1,
+    ceiling: Path | None = None,
+) -> dict[str, Any]:
+    """Score a selector on the test split of a dataset of pulls; train and validation split only fit the baselines.
+
+    Args:
+        baselines: the rules alone ("none"), with hand-made features ("quick"), or with mechanics as well ("all").
+        workers: processes that compute mechanics.
+        ceiling: the report that `jenga calibrate ceiling` wrote.
 
     Raises:
-        JengaError: a split has no rows, or the checkpoint or the dataset is of another kind.
+        JengaError: a split has no rows, the checkpoint or the dataset is of another kind, or `ceiling` is no report.
     """
     model = opened(checkpoint, "selection")
     note = check_dataset(model, dataset)
-    train, test = dataset.rows("train"), dataset.rows("test")
-    if not (len(train) and len(test)):
-        raise JengaError(
-            f"{dataset_name(dataset)} has {len(train)} train and {len(test)} test rows; it needs both: "
-            "collect more towers and convert them together"
-        )
-    probability = predict_selection(model, dataset, test)
+    train, test = sides(dataset, [], workers)
+    rows = dataset.rows("test")
+    probability = predict_selection(model, dataset, rows)
+    measured = read_ceiling(ceiling) if ceiling else None
+    said = predict_baselines(train, test, baselines)
+    first = first_pulls(dataset, rows)
     return {
         "model": model.name,
         "model_hash": model.hash,
         "dataset": dataset_name(dataset),
         "dataset_hash": dataset.hash,
         "note": note,
-        **selection_report(probability, Pulls.of_dataset(dataset, test), Pulls.of_dataset(dataset, train)),
+        **selection_report(probability, test.pulls, said, measured),
+        **({} if first.all() else {"one_pull_a_tower": scores(probability[first], test.pulls.of(first))}),
     }
+
+
+def sides(dataset: Rows, more: Sequence[Rows], workers: int) -> tuple[Side, Side]:
+    """The rows that fit baselines (train and validation towers, of `more` datasets too) and the test rows.
+
+    Raises:
+        JengaError: one side has no rows, or a tower is on both.
+    """
+    test: list[Part] = [(dataset, dataset.rows("test"))]
+    known: list[Part] = [(part, part.rows(KNOWN)) for part in (dataset, *more)]
+    counts = [sum(len(rows) for _, rows in parts) for parts in (known, test)]
+    if not all(counts):
+        raise JengaError(
+            f"{dataset_name(dataset)} has {counts[0]} train and {counts[1]} test rows; it needs both: "
+            "collect more towers and convert them together"
+        )
+    held_out = np.unique(dataset.column("tower")[test[0][1]])
+    for part, rows in known:
+        if (leaked := np.isin(part.column("tower")[rows], held_out)).any():
+            raise JengaError(
+                f"{leaked.sum()} training rows of {dataset_name(part)} are of test towers of {dataset_name(dataset)}; "
+                "allowed: other towers, collected with another --seed"
+            )
+    return Side.of(known, workers), Side.of(test, workers)
+
+
+def read_ceiling(path: Path) -> dict[str, Any]:
+    """How often two pulls agree, a proportion, with the bounds that this sets to anyone's accuracy.
+
+    Raises:
+        JengaError: the file is not what `jenga calibrate ceiling` writes.
+    """
+    try:
+        report = msgspec.json.decode(path.read_bytes())
+        low, high = map(float, report["accuracy_bounds"])
+        ceiling = {**report["agreement"], "accuracy_bounds": [low, high]}
+        float(ceiling["rate"])
+        return ceiling | ({"repeated": report["repeated"]} if "repeated" in report else {})
+    except OSError as error:
+        raise JengaError(f"cannot read {path}: {error.strerror}; `jenga calibrate ceiling` writes it") from error
+    except (msgspec.DecodeError, KeyError, TypeError, ValueError):
+        raise JengaError(f"{path} is no report of `jenga calibrate ceiling`: name its ceiling.json") from None
+
+
+def pretrained() -> Path:
+    """The selector that this version of jenga comes with.
+
+    Raises:
+        JengaError: it comes with none.
+    """
+    folder = Path(jenga_models.__file__).parent / "pretrained" / "selection"
+    if not folder.is_dir():
+        raise JengaError("this jenga comes with no trained selector; name one: --model CKPT, made by `jenga train`")
+    return folder

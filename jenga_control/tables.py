@@ -3,33 +3,144 @@
 from collections.abc import Sequence
 from typing import Any
 
-from jenga_data.report import markdown_table, with_interval
+from jenga_control.pulls import by_information
+from jenga_data.report import markdown_table, number, with_interval
 
 
 def selection_tables(report: dict[str, Any]) -> str:
     """An evaluation of a selector: the paper's table I with baselines and ceiling, then by slot and round."""
-    by_label = [("majority", report["majority"])]
-    by_label += [(name, entry["accuracy"]) for name, entry in report["baselines"].items() if name != "majority"]
     rows = [
-        (name, accuracy, report["baselines"][name]["model_minus_baseline"]["p_value"]) for name, accuracy in by_label
+        (
+            name,
+            entry["information"],
+            entry["accuracy"],
+            *(entry[key] for key in ("auroc", "brier", "ece")),
+            entry["model_minus_baseline"]["p_value"],
+        )
+        for name, entry in report["baselines"].items()
     ]
+    model = ("**model**", None, report["accuracy"], report["auroc"], report["brier"], report["ece"], None)
+    ceiling = ("ceiling: two pulls agree", None, report["ceiling"], None, None, None, None)
     parts = [
         markdown_table(
-            ("Predictor", "Accuracy", "p against the model"),
-            [*rows, ("**model**", report["accuracy"], None), ("ceiling", report["ceiling"], None)],
+            ("Predictor", "Is told", "Accuracy", "AUROC", "Brier", "ECE", "p against the model"),
+            [*rows, model, ceiling],
         ),
         markdown_table(
-            ("Probabilities", "Value"),
+            ("Probabilities of the model", "Value"),
             [
                 (label, with_interval(report[key], report.get(f"{key}_ci95")))
                 for label, key in (("AUROC", "auroc"), ("Brier score", "brier"), ("calibration error", "ece"))
             ],
         ),
     ]
+    if "one_pull_a_tower" in report:
+        first = report["one_pull_a_tower"]["accuracy"]
+        parts.append(f"Of one pull a tower, as the paper has it: {number(first)} right.\n")
+    return "\n".join([*parts, *_groups(report)])
+
+
+def _groups(row: dict[str, Any]) -> list[str]:
+    parts = []
     for title, key in (("Slot", "by_slot"), ("Round", "by_round"), ("Outcome", "by_outcome")):
-        groups = [(name, group["accuracy"], group["failures"]) for name, group in report[key].items()]
+        groups = [(name, group["accuracy"], group["failures"]) for name, group in row[key].items()]
         parts.append(markdown_table((title, "Accuracy", "Failures"), groups))
-    return "\n".join(parts)
+    return parts
+
+
+def selection_report_tables(report: dict[str, Any]) -> str:
+    """The whole report about selection: the table by information, tests, learning curve, groups and mistakes."""
+    fitted = report["fitted_to"]
+    parts = [
+        f"{report['n']:,} pulls of {report['towers']:,} test towers of {report['dataset']}, "
+        f"{report['failures']:.0%} of them failures. Baselines are fitted to {fitted['rows']:,} pulls of "
+        f"{fitted['towers']:,} other towers of {', '.join(fitted['datasets'])}, "
+        "their settings chosen by cross-validation over those towers.\n",
+        *(f"Note: {note}.\n" for note in report["notes"]),
+        _whole_table(report),
+        _ceiling_words(report),
+        _first_pulls_table(report["one_pull_a_tower"]),
+        " ".join(entry["sentence"] for entry in report["poses"]) + "\n" if report["poses"] else "",
+        _pairs_table(report["pairs"]),
+        _curve_table(report["learning_curve"]),
+    ]
+    if report["best"]:
+        parts += [f"{report['best']} in detail:\n", *_groups(report["rows"][report["best"]])]
+        parts.append(_mistakes_table(report["mistakes"]))
+    return "\n".join(part for part in parts if part)
+
+
+def _whole_table(report: dict[str, Any]) -> str:
+    rows = []
+    for name, row in by_information(report["rows"]):
+        against = row.get("minus_best_baseline")
+        seeds = row.get("seeds")
+        rows.append(
+            (
+                row["information"],
+                f"**{name}**" if row["kind"] == "model" else name,
+                row["accuracy"],
+                "–" if seeds is None else _mean_and_spread(seeds["mean"], seeds["std"], seeds["n"]),
+                with_interval(row["auroc"], row["auroc_ci95"]),
+                row["brier"],
+                row["ece"],
+                "–" if against is None else with_interval(against["difference"], against["ci95"]),
+                "–" if against is None else f"{number(against['p_value'])} ({row['best_baseline']})",
+            )
+        )
+    scores = ("Accuracy", "Over seeds", "AUROC", "Brier", "ECE")
+    header = ("Is told", "Predictor", *scores, "Above the best baseline", "p (which)")
+    return markdown_table(header, rows)
+
+
+def _mean_and_spread(mean: float, std: float | None, n: int) -> str:
+    return f"{mean:.3f}" + (f" ± {std:.3f} ({n})" if std is not None else "")
+
+
+def _ceiling_words(report: dict[str, Any]) -> str:
+    if not report["ceiling"]:
+        return f"Ceiling: {report['ceiling_reason']}.\n"
+    low, high = report["ceiling"]["accuracy_bounds"]
+    return (
+        f"Ceiling: two pulls of the same block agree in {number(report['ceiling'])}, so that nobody's accuracy "
+        f"can be above a value between {low:.3f} and {high:.3f}.\n"
+    )
+
+
+def _first_pulls_table(first: dict[str, Any]) -> str:
+    if not first:
+        return ""
+    rows = [(name, row["accuracy"], row["auroc"], row["brier"], row["ece"]) for name, row in first["rows"].items()]
+    table = markdown_table(("Predictor", "Accuracy", "AUROC", "Brier", "ECE"), rows)
+    return f"One pull a tower, as the paper has it ({first['n']:,} pulls):\n\n{table}"
+
+
+def _pairs_table(pairs: Sequence[dict[str, Any]]) -> str:
+    if not pairs:
+        return ""
+    rows = [
+        (f"{pair['first']} against {pair['second']}", with_interval(pair["difference"], pair["ci95"]), pair["p_value"])
+        for pair in pairs
+    ]
+    return markdown_table(("Models on the same pulls", "Difference in accuracy", "McNemar's p"), rows)
+
+
+def _curve_table(curves: dict[str, Any]) -> str:
+    rows = [
+        (name, point["towers"], point["rows"], _mean_and_spread(point["accuracy"], point["std"], point["n"]))
+        for name, points in curves.items()
+        for point in points
+    ]
+    return markdown_table(("Trained on fewer", "Towers", "Rows", "Accuracy"), rows) if rows else ""
+
+
+def _mistakes_table(mistakes: Sequence[dict[str, Any]]) -> str:
+    rows = [
+        (f"`{m['replay']}`", m["round"], m["level"], m["slot"], m["probability"], m["outcome"], f"`{m['trace']}`")
+        for m in mistakes
+    ]
+    header = ("Worst mistakes", "Round", "Level", "Slot", "Predicted failure", "Outcome", "Where it comes from")
+    return markdown_table(header, rows) if rows else ""
 
 
 def dynamics_tables(report: dict[str, Any]) -> str:

@@ -87,6 +87,7 @@ def test_the_list_of_verbs_is_the_design_s():
         "bench sim",
         "bench log",
         "report touch",
+        "report selection",
     }
 
 

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 """--json prints one object and nothing else, with the keys that scripts rely on (the design's table)."""
 
 import json
@@ -70,6 +72,15 @@ def test_eval_selection(selector: Made, selection: Made):
     assert all(is_proportion(baseline["accuracy"], n) for baseline in said["baselines"].values())
     assert said["dataset"] == "pulls@0.1.0"
     assert said["model"] == "selector"
+
+
+def test_report_selection(selector: Made, selection: Made, tmp_path):
+    args = ("--models", selector.path, "--dataset", selection.path, "--baselines", "none", "--out", tmp_path / "report")
+    said = jenga("report", "selection", *args, "--json").object()
+    assert said["rows"]["selector"]["kind"] == "model"
+    assert is_proportion(said["rows"]["selector"]["accuracy"])
+    assert said["best"] == "selector"
+    assert all(Path(path).is_file() for path in said["written"])
 
 
 def test_eval_dynamics(simulator: Made, dynamics: Made):
