@@ -35,7 +35,10 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
         "how the simulated tower behaves (movable, contacts, ceiling, speed, rounds, turntable, sleep)",
         lambda _: calibrate(),
     ),
-    "dataset": ("list, info, verify, trace, rebuild, merge, drop, diff, migrate, push, pull, export", lambda _: dataset()),
+    "dataset": (
+        "list, info, verify, trace, rebuild, merge, drop, diff, migrate, push, pull, export",
+        lambda _: dataset(),
+    ),
     "log": ("info, doctor, recover", lambda _: log()),
     "bench": ("how fast the parts are (sim, robot, log, loader, convert)", lambda _: bench() | bench_models()),
     "report": ("what logs and models show (touch, selection)", lambda _: report_logs() | report_models()),

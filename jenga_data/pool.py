@@ -212,4 +212,13 @@ def interrupts_held() -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-__all__ = ["BrokenProcessPool", "Failure", "Lost", "interrupts_held", "new_pool", "run_all", "run_every", "stop_workers"]
+__all__ = [
+    "BrokenProcessPool",
+    "Failure",
+    "Lost",
+    "interrupts_held",
+    "new_pool",
+    "run_all",
+    "run_every",
+    "stop_workers",
+]

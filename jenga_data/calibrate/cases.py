@@ -38,7 +38,9 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
             missing = {key: case for key, case in zip(keys, cases, strict=True) if key not in known}
             with progress(label, len(cases)) as bar, store.open("ab") as file:
                 bar.advance(len(cases) - len(missing))
-                for (key, _), result in run_every(_work, missing.items(), workers, f"what is done is kept in {store}: "):
+                for (key, _), result in run_every(
+                    _work, missing.items(), workers, f"what is done is kept in {store}: "
+                ):
                     line = msgspec.json.encode({"key": key, "result": result}, enc_hook=_plain)
                     known[key] = msgspec.json.decode(line)["result"]
                     file.write(line + b"\n")
