@@ -50,7 +50,9 @@ def check_schema(folder: Path, manifest: Manifest) -> Iterator[str]:
             if not file.schema_arrow.equals(expected, check_metadata=_present(manifest)):
                 found = {f.name: f for f in file.schema_arrow}
                 odd = [
-                    f.name for f in expected if f.name not in found or not f.equals(found[f.name], check_metadata=_present(manifest))
+                    f.name
+                    for f in expected
+                    if f.name not in found or not f.equals(found[f.name], check_metadata=_present(manifest))
                 ]
                 odd += sorted(found.keys() - set(expected.names))
                 yield f"{entry.path} has other columns than it should: {', '.join(odd) or 'their order or metadata'}"

@@ -10,7 +10,15 @@ import pyarrow as pa
 from jenga_data.dataset import describe
 from jenga_data.dataset.manifest import MANIFEST, Manifest
 from jenga_data.dataset.rows import Ragged, Rows, in_steps
-from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, FORCE_STEP, POSE_STEP, TWIST_STEP, arrow_schema, columns_of
+from jenga_data.dataset.schema import (
+    EPISODE_COLUMNS,
+    EPISODES,
+    FORCE_STEP,
+    POSE_STEP,
+    TWIST_STEP,
+    arrow_schema,
+    columns_of,
+)
 from jenga_data.dataset.staging import file_entry
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
