@@ -16,8 +16,8 @@ EDGE = "edge"
 FORMAT_VERSION = "1.1.0"
 """SemVer of this layout of columns, files and manifest. Readers refuse another major and a newer minor version.
 
-1.0.0: the first. 1.1.0: `block_wedge`, without which the rows of wedge-shaped blocks were those of boxes; poses, velocities
-and forces in steps.
+1.0.0: the first. 1.1.0: `block_wedge`, without which the rows of wedge-shaped blocks were those of boxes; and poses,
+velocities and forces in steps.
 """
 
 EPISODES = "episodes.parquet"
