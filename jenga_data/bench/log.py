@@ -152,9 +152,11 @@ def _rate(what: str, unit: str, count: np.ndarray, seconds: np.ndarray) -> Speed
 
 def _fastest(call: Callable[[], T]) -> tuple[float, T]:
     """CPU time of the fastest of some calls [s], and what the last one gave."""
-    times = []
-    for _ in range(REPEATS):
+
+    def timed() -> tuple[float, T]:
         began = thread_time_ns()
         out = call()
-        times.append((thread_time_ns() - began) * 1e-9)
-    return min(times), out
+        return (thread_time_ns() - began) * 1e-9, out
+
+    tries = [timed() for _ in range(REPEATS)]
+    return min(seconds for seconds, _ in tries), tries[-1][1]

@@ -31,20 +31,22 @@ class Draft:
     labels: tuple[Label, ...] = ()
     """Empty: those of this code."""
     parents: tuple[Parent, ...] = ()
+    may_lack_training: bool = False
+    """Whether there may be no row to train on: in a part of a dataset."""
 
 
 def assemble(folder: Path, draft: Draft, parts: Sequence[Part], episodes: Table) -> Manifest:
     """Write the table of episodes and the manifest beside files of rows that lie in `folder` already.
 
     Raises:
-        JengaError: there is no row to train on.
+        JengaError: there is no row, or none to train on.
     """
     statistics = ColumnStatistics(COLUMNS[draft.kind])
     parts = sorted(parts, key=lambda part: part.file.path)
     for part in parts:
         statistics.merge(part.statistics)
     rows = sum(part.file.rows for part in parts)
-    if not statistics.rows:
+    if not statistics.rows and not (rows and draft.may_lack_training):
         raise JengaError(f"this gives {rows} rows, none of them to train on: collect more episodes")
     table = write_episodes(folder, episodes)
     unsealed = Manifest(

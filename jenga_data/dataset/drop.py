@@ -11,13 +11,12 @@ from jaxtyping import Bool
 
 from jenga_data.dataset.assemble import assemble
 from jenga_data.dataset.episode_table import Table, chosen
-from jenga_data.dataset.manifest import DATA
 from jenga_data.dataset.origin import remaining_provenance
 from jenga_data.dataset.parents import Edited, check_new, inherited, moved_towers, open_parent
 from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, Column
 from jenga_data.dataset.split import split_towers
 from jenga_data.dataset.staging import new_folder, refuse_existing
-from jenga_data.dataset.take import take_over, write_again
+from jenga_data.dataset.take import take_episodes
 from jenga_data.errors import JengaError
 
 
@@ -48,21 +47,11 @@ def drop(
     check_new(name, version, [parent])
     gone = _selected(parent.episodes, episodes, conditions)
     left = chosen(parent.episodes, ~gone)
-    keep = frozenset(left["episode"].tolist())
     splits = split_towers(left["tower"].tolist())
     provenance = remaining_provenance(parent.manifest.provenance, parent.episodes, left)
     draft = inherited([parent], name, version, splits, provenance, parent.manifest.counts.invalid)
-    train = frozenset(splits.train)
     with new_folder(out) as folder:
-        (folder / DATA).mkdir()
-        parts, taken = [], 0
-        for file in parent.files:
-            keys = parent.keys[file.path]
-            if keep.issuperset(keys):
-                parts.append(take_over(parent, file, folder, train))
-                taken += 1
-            elif not keep.isdisjoint(keys):
-                parts.append(write_again(parent, file, keep, folder, train))
+        parts, taken = take_episodes(parent, left["episode"].tolist(), folder, frozenset(splits.train))
         manifest = assemble(folder, draft, parts, left)
     return Edited(manifest, taken, len(parts) - taken, 0, moved_towers([parent], splits))
 

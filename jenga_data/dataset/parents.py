@@ -30,7 +30,7 @@ class Opened:
 
     @property
     def files(self) -> list[File]:
-        return self.manifest.data_files
+        return [file for file in self.manifest.data_files if file.path in self.keys]
 
     @property
     def identity(self) -> Parent:
@@ -72,6 +72,16 @@ def open_parent(where: str | Path) -> Opened:
         CheckFailed: it is damaged.
     """
     dataset = open_dataset(where)
+    return opened(dataset, dataset.manifest.data_files)
+
+
+def opened(dataset: Dataset, files: Sequence[File]) -> Opened:
+    """As a parent of which only `files` are needed.
+
+    Raises:
+        JengaError: it is of an older format.
+        CheckFailed: it is damaged.
+    """
     found = dataset.manifest.format_version
     if format_of(found) != format_of(FORMAT_VERSION):
         raise JengaError(
@@ -79,7 +89,7 @@ def open_parent(where: str | Path) -> Opened:
             f"`jenga dataset migrate {dataset.folder} --out NEW`"
         )
     episodes = dataset.episodes()
-    keys = {file.path: _keys_in(dataset, file) for file in dataset.manifest.data_files}
+    keys = {file.path: _keys_in(dataset, file) for file in files}
     if unknown := {key for found in keys.values() for key in found} - set(episodes["episode"].tolist()):
         raise CheckFailed(
             f"{dataset.folder} has rows of episode {min(unknown)}, which is not in its table: "

@@ -115,8 +115,14 @@ def rebuild(where: str | Path, episodes: int | None = None, workers: int = 2, ou
 def _converted(manifest: Manifest, logs: list[Path], folder: Path) -> Manifest:
     """The dataset of the same name and texts in `folder`; one that the same code left there is taken as it is."""
     if not folder.exists():
-        texts = {"licence": manifest.licence, "description": manifest.description}
-        convert(logs, folder, manifest.name, manifest.version, **texts)
+        convert(
+            logs,
+            folder,
+            manifest.name,
+            manifest.version,
+            licence=manifest.licence,
+            description=manifest.description,
+        )
     return open_dataset(folder).manifest
 
 

@@ -18,6 +18,20 @@ from jenga_data.dataset.write import Part, refuse_name, training_statistics
 from jenga_data.errors import CheckFailed
 
 
+def take_episodes(parent: Opened, keep: Collection[str], folder: Path, train: frozenset[str]) -> tuple[list[Part], int]:
+    """The rows of the episodes `keep` of a parent, in `folder`, and how many files were taken over as they are."""
+    (folder / DATA).mkdir(parents=True, exist_ok=True)
+    keep, parts, taken = frozenset(keep), [], 0
+    for file in parent.files:
+        keys = parent.keys[file.path]
+        if keep.issuperset(keys):
+            parts.append(take_over(parent, file, folder, train))
+            taken += 1
+        elif not keep.isdisjoint(keys):
+            parts.append(write_again(parent, file, keep, folder, train))
+    return parts, taken
+
+
 def take_over(parent: Opened, file: File, folder: Path, train: frozenset[str]) -> Part:
     """The same file in `folder`: a hard link where the system makes one, else a copy.
 

@@ -5,9 +5,10 @@ import shutil
 from collections.abc import Iterable
 from pathlib import Path
 
-from jenga_data.dataset.manifest import MANIFEST, MAX_BYTES, File, Manifest, load_manifest
+from jenga_data.dataset.manifest import MANIFEST, File, Manifest, load_manifest
 from jenga_data.dataset.share.remote import Remote
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.limits import MAX_MANIFEST_BYTES
 from jenga_data.log.files import file_sha256
 
 _INCOMING = "incoming"
@@ -21,7 +22,7 @@ def read_manifest_bytes(remote: Remote) -> bytes:
         FileNotFoundError: there is none.
         CheckFailed: it is absurdly large.
     """
-    return b"".join(remote.read(MANIFEST, MAX_BYTES))
+    return b"".join(remote.read(MANIFEST, MAX_MANIFEST_BYTES))
 
 
 def fetch_manifest(remote: Remote, folder: Path) -> Manifest:

@@ -1,33 +1,23 @@
 """A part of a dataset as a dataset of its own: its splits or episodes, with a manifest that names the whole."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 
 import msgspec
 import numpy as np
-import pyarrow as pa
 
-from jenga_data.dataset import tally
-from jenga_data.dataset.manifest import (
-    MANIFEST,
-    SPLITS,
-    File,
-    Manifest,
-    Parent,
-    Splits,
-    canonical_bytes,
-    sealed,
-)
+from jenga_data.dataset.assemble import assemble
+from jenga_data.dataset.episode_table import chosen as episodes_where
+from jenga_data.dataset.manifest import SPLITS, File, Manifest, Splits
+from jenga_data.dataset.origin import remaining_provenance
+from jenga_data.dataset.parents import inherited, opened
 from jenga_data.dataset.read import Dataset
-from jenga_data.dataset.rows import Rows
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, FORMAT_VERSION, arrow_schema
-from jenga_data.dataset.shards import Shard, plan
-from jenga_data.dataset.sources import Source, Sources
-from jenga_data.dataset.staging import file_entry
-from jenga_data.dataset.statistics import ColumnStatistics
-from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
+from jenga_data.dataset.schema import EPISODES
+from jenga_data.dataset.shards import plan
+from jenga_data.dataset.sources import Source
+from jenga_data.dataset.take import take_episodes
 from jenga_data.errors import CheckFailed, JengaError
 
 
@@ -124,104 +114,27 @@ def write_part(whole: Dataset, part: Part, chosen: Sequence[Source], files: Sequ
 
     Raises:
         CheckFailed: the files do not hold the rows that the table of episodes promises.
-        JengaError: the part has no rows.
+        JengaError: the part has no rows, or the whole is of an older format.
     """
-    manifest = whole.manifest
-    columns, schema = COLUMNS[manifest.kind], arrow_schema(COLUMNS[manifest.kind], manifest.blocks)
-    statistics = ColumnStatistics(columns)
-    rows_of = _RowsOf(whole.folder, [f.path for f in files])
-    shards = plan(chosen)
-    (folder / "data").mkdir(parents=True)
-    entries = []
-    for shard in shards:
-        with table_writer(folder / shard.path, columns, schema) as table:
-            for source in shard.sources:
-                for rows in rows_of(source.episode):
-                    table.write(record_batch(rows, schema))
-                    if source.tower in manifest.splits.train:
-                        statistics.add(rows)
-        entries.append(file_entry(folder, shard.path, table.rows))
-    entries.append(_write_episodes(whole.folder, folder, shards))
-    rows = sum(f.rows for f in entries if f.path != EPISODES)
-    if not rows:
-        raise JengaError(f"{part.words} of {manifest.identifier} holds no row")
-    _check_promise(whole, chosen, rows)
-    derived = _manifest(manifest, part, chosen, entries, rows, statistics)
-    (folder / MANIFEST).write_bytes(canonical_bytes(derived))
-    return derived
-
-
-class _RowsOf:
-    """Finds the rows of an episode in the files of the whole; keeps one file in memory."""
-
-    def __init__(self, folder: Path, paths: Sequence[str]) -> None:
-        self._folder = folder
-        self._at: dict[str, tuple[str, int, int]] = {}
-        self._open: tuple[str, pa.Table | None] = ("", None)
-        for path in paths:
-            with open_parquet(folder / path) as file:
-                keys = np.asarray(numpy_column(file.read(columns=["episode"]).column(0)))
-            starts = np.flatnonzero(np.r_[len(keys) > 0, keys[1:] != keys[:-1]])
-            counts = np.diff(np.r_[starts, len(keys)])
-            for start, count in zip(starts.tolist(), counts.tolist(), strict=True):
-                self._at[str(keys[start])] = (path, start, count)
-
-    def __call__(self, episode: str) -> Iterator[Rows]:
-        """Its rows at once, or nothing where it has none."""
-        if episode not in self._at:
-            return
-        path, start, count = self._at[episode]
-        if self._open[0] != path:
-            with open_parquet(self._folder / path) as file:
-                self._open = (path, file.read().combine_chunks())
-        table = self._open[1]
-        assert table is not None
-        rows = table.slice(start, count)
-        yield {name: numpy_column(rows[name]) for name in rows.column_names}
-
-
-def _write_episodes(whole: Path, folder: Path, shards: Sequence[Shard]) -> File:
-    with open_parquet(whole / EPISODES) as file:
-        table = file.read()
-    at = {key: i for i, key in enumerate(table["episode"].to_pylist())}
-    order = [at[source.episode] for shard in shards for source in shard.sources]
-    schema = arrow_schema(EPISODE_COLUMNS, blocks=1)
-    with table_writer(folder / EPISODES, EPISODE_COLUMNS, schema) as writer:
-        chosen = table.take(order)
-        writer.write(record_batch({n: numpy_column(chosen[n]) for n in schema.names}, schema))
-    return file_entry(folder, EPISODES, len(order))
-
-
-def _check_promise(whole: Dataset, chosen: Sequence[Source], rows: int) -> None:
-    episodes = whole.episodes()
-    promised = int(episodes["rows"][np.isin(episodes["episode"], [s.episode for s in chosen])].sum())
-    if promised != rows:
-        raise CheckFailed(
-            f"{whole.manifest.identifier} promises {promised} rows of the wanted episodes and its files hold {rows}"
-        )
-
-
-def _manifest(
-    whole: Manifest, part: Part, chosen: Sequence[Source], files: list[File], rows: int, statistics: ColumnStatistics
-) -> Manifest:
-    configs = {c: v for c, v in whole.provenance.configs.items() if c in {s.config for s in chosen}}
-    sources = Sources(whole.kind, whole.blocks, list(chosen), configs)
-    towers = {s.tower for s in chosen}
-    sides = {s: [t for t in whole.splits.towers(s) if t in towers] for s in SPLITS}
-    text = f"Part of {whole.identifier} (hash {whole.hash}): {part.words}."
-    return sealed(
-        msgspec.structs.replace(
-            whole,
-            name=part.name(whole.name),
-            format_version=FORMAT_VERSION,
-            description=f"{text} {whole.description}",
-            files=sorted(files, key=lambda f: f.path),
-            splits=Splits(rule=f"those of {whole.identifier}: {whole.splits.rule}", **sides),
-            statistics=statistics.summary(),
-            counts=tally.counts(sources, rows),
-            provenance=tally.provenance(sources),
-            parents=[Parent(whole.name, whole.version, whole.hash)],
-            sources=[],
-            hash="",
-        )
+    manifest, parent = whole.manifest, opened(whole, files)
+    table = episodes_where(parent.episodes, np.isin(parent.episodes["episode"], [s.episode for s in chosen]))
+    splits = _splits(manifest, {s.tower for s in chosen})
+    provenance = remaining_provenance(manifest.provenance, parent.episodes, table)
+    invalid = manifest.counts.invalid
+    draft = replace(
+        inherited([parent], part.name(manifest.name), manifest.version, splits, provenance, invalid),
+        description=f"Part of {manifest.identifier} (hash {manifest.hash}): {part.words}. {manifest.description}",
+        may_lack_training=True,
     )
+    parts, _ = take_episodes(parent, table["episode"].tolist(), folder, frozenset(splits.train))
+    promised, found = int(table["rows"].sum()), sum(p.file.rows for p in parts)
+    if promised != found:
+        raise CheckFailed(
+            f"{manifest.identifier} promises {promised} rows of the wanted episodes and its files hold {found}"
+        )
+    return assemble(folder, draft, parts, table)
+
+
+def _splits(whole: Manifest, towers: set[str]) -> Splits:
+    sides = {s: [t for t in whole.splits.towers(s) if t in towers] for s in SPLITS}
+    return Splits(rule=f"those of {whole.identifier}: {whole.splits.rule}", **sides)
