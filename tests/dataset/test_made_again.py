@@ -22,7 +22,7 @@ from jenga_data.dataset.rebuild import Rebuild, rebuild
 from jenga_data.dataset.resim import code_hash
 from jenga_data.dataset.schema import EPISODES
 from jenga_data.dataset.verify import CHECKS, VerifyReport, verify
-from jenga_data.errors import JengaError
+from jenga_data.errors import CheckFailed, JengaError
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +99,7 @@ def test_logs_of_other_code_are_not_taken_for_its_own(recorded, out, monkeypatch
     again(recorded, out)
     monkeypatch.setattr(resim_module, "code_hash", lambda: "f" * 64)
     monkeypatch.setattr(workers, "run_one", never)
-    with pytest.raises(AssertionError, match="nothing to simulate"):
+    with pytest.raises(CheckFailed, match="nothing to simulate"):
         again(recorded, out, 1)
 
 

@@ -177,7 +177,7 @@ def test_a_damaged_parent_is_refused(made, tmp_path, overlap):
     data = bytearray(path.read_bytes())
     data[200] ^= 1
     path.write_bytes(data)
-    with pytest.raises(CheckFailed, match="is not what its manifest says"):
+    with pytest.raises(CheckFailed, match="has not the hash that its manifest says"):
         merge([a, b], tmp_path / "out", "all", "1.0.0")
     assert not (tmp_path / "out").exists()
 

@@ -210,7 +210,7 @@ def test_a_server_that_understates_a_size_cannot_fill_the_disk(selection, tmp_pa
 
 def test_more_than_the_disk_holds_is_refused_before_it_is_fetched(selection, tmp_path):
     manifest = load_manifest(selection)
-    vast = [msgspec.structs.replace(f, bytes=2**60) for f in manifest.files]
+    vast = [msgspec.structs.replace(f, bytes=2**40) for f in manifest.files]
     shutil.copytree(selection, tmp_path / "there")
     forged = canonical_bytes(sealed(msgspec.structs.replace(manifest, files=vast)))
     (tmp_path / "there" / MANIFEST).write_bytes(forged)
