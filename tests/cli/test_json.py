@@ -1,9 +1,8 @@
-from pathlib import Path
-
 """--json prints one object and nothing else, with the keys that scripts rely on (the design's table)."""
 
 import json
 import subprocess
+from pathlib import Path
 
 from jenga_runs import CHEAP, COLLECT, Made, jenga, run_apart, started
 
