@@ -1,6 +1,7 @@
 """Datasets in memory and untrained checkpoints, for what sits on top of both."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -25,6 +26,8 @@ class MadeUpDataset:
     def __init__(self, kind, columns, splits):
         self.manifest = SimpleNamespace(name="made-up", version="1.0.0", kind=kind, blocks=BLOCKS)
         self.columns, self.splits, self.asked = columns, splits, []
+        self.folder: Any = "made-up"
+        self.episodes: Any = None
 
     def __len__(self):
         return len(self.columns["target"])
