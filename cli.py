@@ -21,6 +21,7 @@ from jenga_data.commands import bench, collect, convert, log
 from jenga_data.commands import report as report_logs
 from jenga_data.dataset.commands import dataset
 from jenga_data.errors import JengaError
+from jenga_models.commands import bench as bench_models
 from jenga_models.commands import train
 
 VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]]] = {
@@ -34,9 +35,12 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
         "how the simulated tower behaves (movable, contacts, ceiling, speed, rounds, turntable, sleep)",
         lambda _: calibrate(),
     ),
-    "dataset": ("list, info, verify", lambda _: dataset()),
+    "dataset": (
+        "list, info, verify, trace, rebuild, merge, drop, diff, migrate, push, pull, export",
+        lambda _: dataset(),
+    ),
     "log": ("info, doctor, recover", lambda _: log()),
-    "bench": ("how fast the parts are (sim)", lambda _: bench()),
+    "bench": ("how fast the parts are (sim, robot, log, loader, convert)", lambda _: bench() | bench_models()),
     "report": ("what logs and models show (touch, selection)", lambda _: report_logs() | report_models()),
 }
 

@@ -5,7 +5,7 @@ from typing import Literal
 
 import tyro
 
-from jenga_data.command_line import Json, MaybeInt, MaybePath, Shown, Verb
+from jenga_data.command_line import Json, MaybeFloat, MaybeInt, MaybePath, Shown, Verb
 
 
 def demo(
@@ -154,7 +154,8 @@ def replay(
     save: MaybePath = None,
     web: bool = False,
     png: MaybePath = None,
-    time: float = 0.0,
+    time: MaybeFloat = None,
+    frame: MaybeInt = None,
     strip: MaybePath = None,
     meshes: str = "",
     json: Json = False,
@@ -167,12 +168,13 @@ def replay(
         save: write a recording for rerun instead of opening it.
         web: serve it to a browser.
         png: take a screenshot without a screen (needs a Vulkan driver, such as Debian's mesa-vulkan-drivers).
-        time: moment of the screenshot [s].
+        time: moment at which the viewer opens, or that the screenshot shows, since the first frame [s]...
+        frame: ...or the number of its frame, as `jenga dataset trace` prints it.
         strip: write six moments of the episode side by side as a PNG; needs neither rerun nor Vulkan.
         meshes: draw the arm with its maker's look: a panda.xml of mujoco-menagerie, or "menagerie" to have
             robot_descriptions fetch it (needs that package and the network).
     """
     from jenga_control.replay import replay as run
 
-    shown = run(episode, model, save=save, web=web, png=png, time=time, strip=strip, meshes=meshes)
+    shown = run(episode, model, save=save, web=web, png=png, time=time, frame=frame, strip=strip, meshes=meshes)
     return Shown(json, {"episode": str(episode), "written": [str(path) for path in shown]}, "\n".join(map(str, shown)))

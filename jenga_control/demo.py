@@ -14,6 +14,7 @@ from jenga_control.evaluate_selection import evaluate_selection
 from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables
 from jenga_data.agreement import edge_agreement
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig
+from jenga_data.collect.set_aside import refuse_missing
 from jenga_data.collect.workers import collect
 from jenga_data.dataset.convert import convert
 from jenga_data.dataset.read import open_dataset
@@ -79,10 +80,12 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
 
     _say(1, "simulate: towers of rounds 1 to 15, random blocks pulled, every rollout an MCAP log")
     collected = {
-        "selection": collect(SelectionConfig(), seed, size.selection_episodes, workers, logs / "selection"),
-        "extraction": collect(_GRIPPER, seed, size.extraction_episodes, workers, logs / "extraction"),
-        "robot": collect(ExtractionConfig(), seed, size.robot_episodes, workers, logs / "robot"),
+        "selection": collect(SelectionConfig(), seed, range(size.selection_episodes), workers, logs / "selection"),
+        "extraction": collect(_GRIPPER, seed, range(size.extraction_episodes), workers, logs / "extraction"),
+        "robot": collect(ExtractionConfig(), seed, range(size.robot_episodes), workers, logs / "robot"),
     }
+    for summary in collected.values():
+        refuse_missing(Path(summary.out), summary.set_aside)
     _say(2, "convert: logs to Parquet datasets, then check every byte")
     folders = {"selection": data / "demo-selection", "dynamics": data / "demo-dynamics"}
     convert([logs / "selection"], folders["selection"], "demo-selection", "0.1.0")

@@ -13,6 +13,7 @@ from jenga_control.cost import CostConfig
 from jenga_control.extraction import CONTROLLERS, ClosedLoop
 from jenga_control.mppi import mppi_preset
 from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig, episode_key
+from jenga_data.collect.set_aside import refuse_missing
 from jenga_data.collect.workers import run_episodes
 from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import JengaError
@@ -22,6 +23,8 @@ from jenga_data.statistics import Proportion, paired_difference
 from jenga_models.checkpoint import load
 
 TIMED_DECISIONS = 20
+EPISODE_TIMEOUT = 3600.0
+"""Longest time for one closed loop [s], learned dynamics on a busy core included."""
 
 
 def evaluate_extraction(
@@ -42,6 +45,7 @@ def evaluate_extraction(
     Raises:
         JengaError: no controller or one twice, one needs a model and none was given, or the folder holds
             something else.
+        CheckFailed: a rollout had to be set aside.
     """
     if not controllers or len(set(controllers)) < len(controllers):
         given = ", ".join(controllers) or "none"
@@ -52,7 +56,9 @@ def evaluate_extraction(
     reports, rollouts = [], []
     for loop in loops:
         logs = out / loop.controller
-        run_episodes(loop, loop.config, seed, towers, workers, logs, loop.actor, f"pulling, {loop.controller}")
+        label = f"pulling, {loop.controller}"
+        done = run_episodes(loop, loop.config, seed, range(towers), workers, logs, loop.actor, label, EPISODE_TIMEOUT)
+        refuse_missing(logs, done.set_aside)  # a tower that is left out would spoil the comparison
         paths = [logs / f"{episode_key(loop.config, seed, number, loop.actor)}.mcap" for number in range(towers)]
         runs = [_ended(path) for path in paths]
         reports.append(_report(loop, runs, paths[0]))

@@ -7,6 +7,7 @@ from tempfile import mkdtemp
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode
+from jenga_data.replay.measures import moment
 
 
 def replay(
@@ -16,7 +17,8 @@ def replay(
     save: Path | None = None,
     web: bool = False,
     png: Path | None = None,
-    time: float = 0.0,
+    time: float | None = None,
+    frame: int | None = None,
     strip: Path | None = None,
     meshes: str = "",
 ) -> list[Path]:
@@ -25,6 +27,8 @@ def replay(
     A film strip alone needs no rerun: that is imported only for what it is to show.
 
     Args:
+        time: moment at which the viewer opens or that the screenshot shows, since the first frame [s]...
+        frame: ...or the number of its frame.
         meshes: see `jenga_data.replay.meshes.link_meshes`; none by default.
 
     Raises:
@@ -34,13 +38,18 @@ def replay(
         raise JengaError("--web shows an episode, --save, --png and --strip write files; choose one")
     if strip and models and not (save or png):
         raise JengaError("--strip shows no model; leave --model out, or add --save or --png")
+    if (time, frame) != (None, None) and not png and (web or save or strip):
+        raise JengaError(
+            "--time and --frame are for the viewer and for --png; leave them out, or what they cannot go with"
+        )
     logged = read_episode(episode)
+    at = moment(logged, time, frame)
     if strip:
         _write_strip(logged, strip)
         if not (save or png):
             return [strip]
     from jenga_data.replay.meshes import link_meshes
-    from jenga_data.replay.rerun_adapter import screenshot, write_rrd
+    from jenga_data.replay.rerun_adapter import open_at, screenshot, write_rrd
     from jenga_data.replay.viewer import open_viewer, serve_web
 
     predictions = []
@@ -52,9 +61,11 @@ def replay(
     recording = save or Path(mkdtemp(prefix="jenga-replay-")) / f"{logged.header.key}.rrd"
     write_rrd(logged, predictions, recording, link_meshes(meshes) if meshes else None)
     if png:
-        screenshot(recording, png, time)
+        screenshot(recording, png, at)
     elif web:
         serve_web([recording])
+    elif not save and at:
+        open_at(recording, at)
     elif not save:
         open_viewer([recording])
     return [path for path in (save, png, strip) if path is not None]

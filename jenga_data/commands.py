@@ -16,63 +16,82 @@ if TYPE_CHECKING:
 
 def collect() -> dict[str, Verb]:
     from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig
+    from jenga_data.collect.numbers import Which
 
     def run(
-        config: CollectConfig, episodes: int, out: Path, seed: int, workers: int, rounds: str | None, json: bool
+        config: CollectConfig,
+        which: Which,
+        out: Path,
+        seed: int,
+        workers: int,
+        rounds: str | None,
+        timeout: float,
+        json: bool,
     ) -> Shown:
+        numbers = which.given()
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        if numbers is None:
+            from jenga_data.dataset.same_towers import numbers_on_towers
+
+            numbers = numbers_on_towers(str(which.of), which.split, seed, config)
+        from jenga_data.collect.set_aside import in_one_line
         from jenga_data.collect.workers import collect as start
 
-        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
-        summary = start(config, seed, episodes, workers, out)
+        summary = start(config, seed, numbers, workers, out, timeout)
         outcomes = ", ".join(f"{count} {name}" for name, count in summary.outcomes.items())
         text = f"{summary.episodes} episodes in {summary.out} ({summary.resumed} were there before): {outcomes}"
-        return Shown(json, asdict(summary), text)
+        text = "\n".join(filter(None, [text, in_one_line(out, summary.set_aside)]))
+        return Shown(json, asdict(summary), text, ok=not summary.set_aside)
 
     def selection(
-        episodes: int,
         out: Path,
+        which: Annotated[Which, Inline] = Which(),  # noqa: B008  (frozen)
         config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Pull random legal blocks with a servo and log what becomes of the tower: data for the selector.
 
         Args:
-            episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, episode_timeout, json)
 
     def extraction(
-        episodes: int,
         out: Path,
+        which: Annotated[Which, Inline] = Which(),  # noqa: B008  (frozen)
         config: Annotated[ExtractionConfig, Inline] = ExtractionConfig(),  # noqa: B008  (frozen)
         robot: Annotated[bool, tyro.conf.arg(name="robot", help="short for --body robot")] = False,
         only_gripper: Annotated[bool, tyro.conf.arg(name="gripper", help="short for --body gripper")] = False,
         seed: int = 0,
         workers: int = 2,
         rounds: MaybeText = None,
+        episode_timeout: float = 600.0,
         json: Json = False,
     ) -> Shown:
         """Push random legal blocks out and pull them over 51 actions with the robot: data for the dynamics model.
 
         Args:
-            episodes: rollouts in all, those that OUT holds already included.
             out: folder of the logs; the same command goes on where it was interrupted.
             seed: below 900000.
-            workers: processes that simulate; their number changes nothing but the time.
+            workers: processes that simulate; their number changes nothing but the time. From 2 on, one that dies or
+                hangs is replaced; 1 is the command itself.
             rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            episode_timeout: longest time for one episode [s]; after two tries it is set aside, and the exit code is 1.
         """
         if robot and only_gripper:
             raise JengaError("--robot and --gripper exclude each other; allowed: one of them")
         if robot or only_gripper:
             config = replace(config, body="robot" if robot else "gripper")
-        return run(config, episodes, out, seed, workers, rounds, json)
+        return run(config, which, out, seed, workers, rounds, episode_timeout, json)
 
     return {"selection": selection, "extraction": extraction}
 
@@ -89,7 +108,13 @@ def _rounds(text: str | None) -> dict[str, int]:
 
 
 def convert(
-    logs: tyro.conf.Positional[tuple[Path, ...]], name: str, version: str, out: Path, json: Json = False
+    logs: tyro.conf.Positional[tuple[Path, ...]],
+    name: str,
+    version: str,
+    out: Path,
+    onto: MaybeText = None,
+    workers: int = 2,
+    json: Json = False,
 ) -> Shown:
     """Make a Parquet graph dataset with a manifest from folders of logs.
 
@@ -98,16 +123,30 @@ def convert(
         name: of the dataset.
         version: X.Y.Z, semantic versioning.
         out: new folder of the dataset.
+        onto: a dataset (NAME@X.Y.Z or folder) that the new one continues: its files are taken over as they are, logs
+            that it holds already are skipped.
+        workers: processes that read logs; their number changes nothing but the time.
     """
-    from jenga_data.dataset.convert import convert as run
+    from jenga_data.dataset.edit_text import conversion_text, edit_lines
+    from jenga_data.dataset.episode_table import by_round
+    from jenga_data.dataset.read import open_dataset
 
     if not logs:
         raise JengaError("no folder of logs was given; name at least one: jenga convert FOLDER --name ... --out ...")
-    manifest = run(logs, out, name, version)
-    data = {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
-    counts = msgspec.to_builtins(manifest.counts)
-    text = "\n".join([f"{manifest.identifier} in {out}", *(f"  {key}: {value}" for key, value in counts.items())])
-    return Shown(json, data | {"counts": counts}, text)
+    data, lines = {}, []
+    if onto is None:
+        from jenga_data.dataset.convert import convert as run
+
+        manifest = run(logs, out, name, version, workers=workers)
+    else:
+        from jenga_data.dataset.onto import convert_onto
+
+        edited = convert_onto(onto, logs, out, name, version, workers=workers)
+        manifest, data, lines = edited.manifest, edited.as_dict(), edit_lines(edited)
+    rounds = by_round(open_dataset(out).episodes())
+    data |= {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}
+    data |= {"counts": msgspec.to_builtins(manifest.counts), "rounds": rounds}
+    return Shown(json, data, "\n".join([f"{manifest.identifier} in {out}", *lines, conversion_text(manifest, rounds)]))
 
 
 def log() -> dict[str, Verb]:
@@ -198,7 +237,29 @@ def bench() -> dict[str, Verb]:
         report = bench_robot(Run(towers, seed, workers, out), config)
         return Shown(json, report, report.pop("text"))
 
-    return {"sim": sim, "robot": robot}
+    def log(
+        towers: int = 2,
+        config: Annotated[SelectionConfig, Inline] = SelectionConfig(),  # noqa: B008  (frozen)
+        seed: int = 0,
+        rounds: MaybeText = None,
+        out: Path = Path("runs/bench-log"),
+        json: Json = False,
+    ) -> Shown:
+        """How fast logs are written and read, beside the plain way to do it, and their part of an episode's time.
+
+        Args:
+            towers: episodes to measure; one takes about 20 s on idle cores.
+            seed: below 900000.
+            rounds: such as 1-15 or 7; short for spawn.first-round and spawn.last-round.
+            out: folder of the report: bench-log.json and .md.
+        """
+        from jenga_data.bench.log import bench_log
+
+        config = replace(config, spawn=replace(config.spawn, **_rounds(rounds)))
+        report = bench_log(config, towers, seed, out)
+        return Shown(json, report, f"{report.pop('text')}\n{out}")
+
+    return {"sim": sim, "robot": robot, "log": log}
 
 
 def report() -> dict[str, Verb]:

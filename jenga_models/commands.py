@@ -1,8 +1,10 @@
-"""The verb that trains: heavy imports stay inside."""
+"""The verb that trains, and benches of what training needs. Heavy imports stay inside."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
+
+import tyro
 
 from jenga_data.command_line import Inline, Json, Shown, Verb
 from jenga_data.errors import JengaError
@@ -73,6 +75,61 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
         return show(train_dynamics(rows, config, out, resume), json)
 
     return {"selection": selection, "dynamics": dynamics}
+
+
+def bench() -> dict[str, Verb]:
+    def loader(
+        dataset: tuple[str, ...] = (), rounds: int = 7, batch_size: int = 100, seed: int = 0, json: Json = False
+    ) -> Shown:
+        """How fast training gets its batches from a dataset, beside torch_geometric's Batch.from_data_list.
+
+        Args:
+            dataset: NAME@X.Y.Z or a folder, one or several; by default the newest jenga-selection and jenga-dynamics.
+            rounds: times that both sides are measured.
+            batch_size: graphs a batch.
+            seed: of the order of the rows.
+        """
+        from jenga_data.dataset.read import open_dataset
+
+        where = dataset or _reference_datasets()
+        for name in where:
+            open_dataset(name)  # a wrong name is refused before torch takes its seconds to import
+        from jenga_models.bench.loader import bench_loader
+
+        report = bench_loader(where, rounds, batch_size, seed)
+        return Shown(json, report, report.pop("text"))
+
+    def convert(logs: tyro.conf.Positional[tuple[Path, ...]], rounds: int = 5, json: Json = False) -> Shown:
+        """How fast logs become a dataset, beside reading them message by message into torch_geometric's objects.
+
+        Args:
+            logs: folders (or files) of MCAP logs, all selection or all extraction, of three towers and more.
+            rounds: times that both sides are measured.
+        """
+        if not logs:
+            raise JengaError("no folder of logs was given; name at least one: jenga bench convert FOLDER")
+        from jenga_data.dataset.sources import find_logs
+
+        find_logs(logs)  # a wrong folder is refused before torch takes its seconds to import
+        from jenga_models.bench.convert import bench_convert
+
+        report = bench_convert(logs, rounds)
+        return Shown(json, report, report.pop("text"))
+
+    return {"loader": loader, "convert": convert}
+
+
+def _reference_datasets() -> tuple[str, ...]:
+    """The newest version at hand of each of the two datasets that this project keeps."""
+    from jenga_data.dataset.locate import known_datasets
+
+    newest: dict[str, str] = {}
+    for name in sorted(known_datasets(), key=lambda n: [int(part) for part in n.rpartition("@")[2].split(".")]):
+        newest[name.rpartition("@")[0]] = name
+    found = tuple(newest[name] for name in ("jenga-selection", "jenga-dynamics") if name in newest)
+    if not found:
+        raise JengaError("neither jenga-selection nor jenga-dynamics is at hand; name a dataset with --dataset")
+    return found
 
 
 def _option(args: Sequence[str], name: str) -> str | None:

@@ -12,6 +12,7 @@ from torch.utils.data import DataLoader, Dataset
 
 from jenga_models.features import Featurizer
 from jenga_models.graphs import Graphs
+from jenga_models.ready import ReadyStore
 from jenga_models.store import EpochOrder, GraphStore
 
 
@@ -33,11 +34,11 @@ class Batches(Dataset[Batch]):
     """A dataset whose items are whole batches, asked for by their rows."""
 
     def __init__(self, store: GraphStore, featurizer: Featurizer, wanted: Tensor) -> None:
-        self.store, self.featurizer, self.wanted = store, featurizer, wanted
+        self.ready, self.wanted = ReadyStore.of(store, featurizer), wanted
 
     def __getitem__(self, rows: Int[Tensor, " graph"]) -> Batch:
-        wanted = self.wanted[rows]
-        graphs = self.store.batch(self.featurizer, rows)
+        wanted = self.wanted.index_select(0, rows)
+        graphs = self.ready.batch(rows)
         return Batch(graphs, wanted.flatten(0, 1) if wanted.ndim == 3 else wanted)
 
 

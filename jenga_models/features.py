@@ -116,21 +116,33 @@ class Featurizer:
         return Graphs(
             node=(node - n.node_mean) / n.node_scale,
             edge_index=edge_index,
-            edge=self._edges(node, upper, lower),
+            edge=self.messages(self.attributes_of(node, upper, lower)),
             target=target,
             action=None if action is None or not self.spec.action else (action - n.action_mean) / n.action_scale,
             graph=graph,
         )
 
-    def _edges(self, node: Tensor, upper: Tensor, lower: Tensor) -> Tensor:
-        """Normalised attributes behind the direction of the message: 1 down, -1 up."""
-        signs = {"down": (1.0,), "up": (-1.0,), "both": (1.0, -1.0)}[self.flow]
-        n = self.normalisation
+    def attributes_of(
+        self,
+        node: Float[Tensor, "*sample node feature"],
+        upper: Int[Tensor, " edge"],
+        lower: Int[Tensor, " edge"],
+    ) -> Float[Tensor, "*#sample edge attribute"]:
+        """Normalised attributes of edges, from raw node features; none wide where the graph has none."""
         if self.attribute_width == 0:
-            return torch.cat([node.new_full((len(upper), 1), sign) for sign in signs])
-        known = (edge_attributes(self.spec, node, upper, lower) - n.edge_mean) / n.edge_scale
-        ways = [torch.cat([torch.full_like(known[..., :1], sign), known], dim=-1) for sign in signs]
-        return torch.cat(ways, dim=-2)
+            return node.new_zeros(len(upper), 0)
+        n = self.normalisation
+        return (edge_attributes(self.spec, node, upper, lower) - n.edge_mean) / n.edge_scale
+
+    def messages(self, known: Float[Tensor, "*sample edge attribute"]) -> Float[Tensor, "*sample message _"]:
+        """Attributes behind the direction of each message (1 down, -1 up), in the order of `directed`."""
+        signs = {"down": (1.0,), "up": (-1.0,), "both": (1.0, -1.0)}[self.flow]
+        *sample, edges, width = known.shape
+        out = known.new_empty(*sample, len(signs) * edges, 1 + width)
+        for way, sign in enumerate(signs):
+            part = out[..., way * edges : (way + 1) * edges, :]
+            part[..., 0], part[..., 1:] = sign, known
+        return out
 
 
 def directed(flow: Flow, upper: Int[Tensor, " edge"], lower: Int[Tensor, " edge"]) -> Int[Tensor, "2 message"]:

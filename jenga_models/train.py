@@ -3,7 +3,8 @@
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,24 +12,20 @@ import numpy as np
 import torch
 from jaxtyping import Int
 from lightning.pytorch import LightningModule
-from torch import Tensor
 
 from jenga_data.errors import JengaError
 from jenga_data.graph_spec import GraphSpec, graph_spec
 from jenga_models.callbacks import KeepBest, MetricLog
 from jenga_models.checkpoint import load, save
-from jenga_models.columns import Rows, Towers, dataset_name
+from jenga_models.columns import Rows, dataset_name
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
 from jenga_models.loop import fit
 from jenga_models.modules import DynamicsModule, SelectionModule
-from jenga_models.normalisation import Normalisation
+from jenga_models.problem import Problem, dynamics_problem, selection_problem
 from jenga_models.registry import build
 from jenga_models.run_folder import RunFolder
-from jenga_models.scaling import fit_features, fit_targets
-from jenga_models.simulator import Simulator
-from jenga_models.store import GraphStore
 
 
 @dataclass(frozen=True)
@@ -42,16 +39,6 @@ class TrainResult:
     hash: str
     metrics: dict[str, float]
     seconds: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Problem:
-    """What is left of a dataset when training starts."""
-
-    store: GraphStore
-    wanted: Tensor
-    normalisation: Normalisation
-    module: Callable[[torch.nn.Module, Any], LightningModule]
 
 
 def train_selection(dataset: Rows, config: SelectionTraining, out: Path, resume: bool = False) -> TrainResult:
@@ -69,33 +56,14 @@ def train_selection(dataset: Rows, config: SelectionTraining, out: Path, resume:
         KeyboardInterrupt: Ctrl-C; what was reached after the last whole epoch can be resumed.
     """
 
-    def prepare(spec: GraphSpec, train: Int[np.ndarray, " row"]) -> _Problem:
-        store = GraphStore.of(spec, Towers.of_dataset(dataset))
-        wanted = torch.from_numpy(dataset.column(config.label).astype(np.int64))
-        return _Problem(store, wanted, fit_features(config, spec, store, train), SelectionModule)
-
-    return _train("selection", dataset, config, Path(out), resume, prepare)
+    prepare = partial(selection_problem, dataset, config)
+    return _train("selection", dataset, config, Path(out), resume, prepare, SelectionModule)
 
 
 def train_dynamics(dataset: Rows, config: DynamicsTraining, out: Path, resume: bool = False) -> TrainResult:
     """Train a simulator on the transitions of a dynamics dataset; otherwise like `train_selection`."""
-
-    def prepare(spec: GraphSpec, train: Int[np.ndarray, " row"]) -> _Problem:
-        store = GraphStore.of(spec, Towers.of_dataset(dataset), dataset.column("action"))
-        assert store.action is not None
-        normalisation = fit_features(config, spec, store, train)
-        pose, after = (torch.tensor(dataset.column(name)) for name in ("block_pose", "next_pose"))
-        is_target = torch.nn.functional.one_hot(store.target, store.blocks).to(pose.dtype)
-        motion = (pose, after, store.action[:, None, :], is_target)
-        raw = Simulator.of(normalisation, config.residual_to_action).output_for(*motion)
-        mean, scale = fit_targets(
-            config.scale_targets, raw[train], is_target[train], standing=~dataset.column("collapsed")[train]
-        )
-        normalisation = replace(normalisation, delta_mean=mean, delta_scale=scale)
-        wanted = Simulator.of(normalisation, config.residual_to_action).output_for(*motion)
-        return _Problem(store, wanted, normalisation, DynamicsModule)
-
-    return _train("dynamics", dataset, config, Path(out), resume, prepare)
+    prepare = partial(dynamics_problem, dataset, config)
+    return _train("dynamics", dataset, config, Path(out), resume, prepare, DynamicsModule)
 
 
 def _train(
@@ -104,7 +72,8 @@ def _train(
     config: Training,
     out: Path,
     resume: bool,
-    prepare: Callable[[GraphSpec, Int[np.ndarray, " row"]], _Problem],
+    prepare: Callable[[GraphSpec, Int[np.ndarray, " row"]], Problem],
+    lightning: Callable[[torch.nn.Module, Any], LightningModule],
 ) -> TrainResult:
     started = time.monotonic()
     train, validation = _split(kind, dataset, config)
@@ -117,7 +86,7 @@ def _train(
     spec = graph_spec(config.graph)
     problem = prepare(spec, train)
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, problem.normalisation)
-    module = problem.module(build(config, spec.node_width, featurizer.edge_width), config)
+    module = lightning(build(config, spec.node_width, featurizer.edge_width), config)
     data = GraphData(
         problem.store,
         featurizer,

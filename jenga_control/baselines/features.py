@@ -11,7 +11,7 @@ from jenga_control.baselines.layout_features import layout_features
 from jenga_control.baselines.mechanics import MechanicalCase, mechanical_features
 from jenga_control.baselines.structure import Structure, structures
 from jenga_data.contact_law import ContactLaw
-from jenga_data.pool import run_all
+from jenga_data.pool import run_every
 from jenga_data.progress import progress
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_models.columns import Rows
@@ -72,7 +72,7 @@ class FeatureTable:
         ]
         found: list[dict[str, float]] = [{}] * len(cases)
         with progress("equilibria", len(cases)) as bar:
-            for (number, _), features in run_all(_features_of, cases, self.workers):
+            for (number, _), features in run_every(_features_of, cases, self.workers):
                 found[number] = features
                 bar.advance()
         return found

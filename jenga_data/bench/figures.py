@@ -26,7 +26,7 @@ def figures(traces: Sequence[EpisodeTrace], pairs: Sequence[Lockstep], crowd: Cr
     """Every figure of the report; `step` is a physics step [s]."""
     return {
         "awake_step": _awake_step(pairs),
-        "logging": _logging(traces),
+        "logging": logging_share(traces),
         "workers": _workers(crowd, 0, "wall clock"),
         "workers_cpu": _workers(crowd, 1, "CPU time, as if nothing else ran"),
         "selection_episodes": _episodes(crowd, 0, "wall clock"),
@@ -57,7 +57,7 @@ def _awake_step(pairs: Sequence[Lockstep]) -> Speed:
     )
 
 
-def _logging(traces: Sequence[EpisodeTrace]) -> Speed:
+def logging_share(traces: Sequence[EpisodeTrace]) -> Speed:
     log, whole = np.array([(t.logging, t.whole) for t in traces]).T
     return Speed(
         "the log's part of an episode, beside its whole",

@@ -14,12 +14,13 @@ from matplotlib.figure import Figure
 from jenga_data.bench.speed import Speed, speed_table
 from jenga_data.calibrate.movable import MovableConfig, push_block
 from jenga_data.calibrate.run import Run, quantiles
+from jenga_data.collect.causes import CAUSES, Failure
 from jenga_data.collect.config import ExtractionConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.extraction import Pull, RandomPull
 from jenga_data.collect.recording import Recording
 from jenga_data.collect.robot_extraction import run_with_robot
-from jenga_data.collect.skills import CAUSES, Failure, Skills
+from jenga_data.collect.skills import Skills
 from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.episode import EpisodeHeader
 from jenga_data.log.writer import EpisodeWriter

@@ -12,7 +12,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 
 from jenga_data.errors import JengaError
-from jenga_data.pool import BrokenProcessPool, run_all
+from jenga_data.pool import run_every
 from jenga_data.progress import progress
 
 Case = tuple[Callable[..., dict[str, Any]], dict[str, Any]]
@@ -26,7 +26,7 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
     short is done again. A result is always what JSON makes of it (a NaN is None), whether it is new or was kept.
 
     Raises:
-        JengaError: the store cannot be written or is in use, or a worker died.
+        JengaError: the store cannot be written or is in use, or a case ended its worker twice.
     """
     if workers < 1:
         raise JengaError(f"workers is {workers}; allowed: 1 or more")
@@ -38,7 +38,9 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
             missing = {key: case for key, case in zip(keys, cases, strict=True) if key not in known}
             with progress(label, len(cases)) as bar, store.open("ab") as file:
                 bar.advance(len(cases) - len(missing))
-                for (key, _), result in run_all(_work, missing.items(), workers):
+                for (key, _), result in run_every(
+                    _work, missing.items(), workers, f"what is done is kept in {store}: "
+                ):
                     line = msgspec.json.encode({"key": key, "result": result}, enc_hook=_plain)
                     known[key] = msgspec.json.decode(line)["result"]
                     file.write(line + b"\n")
@@ -47,10 +49,6 @@ def run_cases(cases: Sequence[Case], store: Path, workers: int, label: str) -> l
     except Timeout:
         raise JengaError(
             f"another process calibrates into {store.parent}; wait for it or choose another --out"
-        ) from None
-    except BrokenProcessPool:
-        raise JengaError(
-            f"a worker process died; what is done is kept in {store}: run the same command again"
         ) from None
     except OSError as error:
         why = "the disk is full" if error.errno == errno.ENOSPC else os.strerror(error.errno or 0)

@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 
+from jenga_data.collect.causes import Failure
 from jenga_data.collect.config import NOBODY, Actor, ExtractionConfig
 from jenga_data.collect.extraction import Pull
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recording
 from jenga_data.collect.rollout import OpenLog, header_of
-from jenga_data.collect.skills import Failure, Skills
+from jenga_data.collect.skills import Skills
 from jenga_data.collect.stage import Stage
 from jenga_data.episode import Result
 from jenga_data.errors import UnreachableError

@@ -1,9 +1,10 @@
 """Collecting many episodes with worker processes: resumable, and the same files for any number of workers."""
 
 import errno
+import math
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -24,19 +25,22 @@ from jenga_data.collect.config import (
     recipe,
 )
 from jenga_data.collect.rollout import OpenLog
+from jenga_data.collect.set_aside import Bug, Patience, SetAside, set_aside, take_back
 from jenga_data.episode import Result
 from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
-from jenga_data.pool import BrokenProcessPool, run_all
+from jenga_data.pool import Lost, run_all
 from jenga_data.progress import progress
 
 RECIPE = "collection.json"
 """What is collected in a folder: config and seed. Episodes of another recipe are refused."""
+EPISODE_TIMEOUT = 600.0
+"""Longest time for one episode [s]: thirty times what one takes on an idle core."""
 
 
 @dataclass(frozen=True)
 class CollectSummary:
-    """What a folder holds after a run. `resumed` of the episodes were there before."""
+    """What a folder holds after a run. `resumed` of the episodes were there before; those `set_aside` are not."""
 
     episodes: int
     outcomes: dict[str, int]
@@ -44,17 +48,28 @@ class CollectSummary:
     resumed: int
     seconds: float
     out: str
+    set_aside: tuple[SetAside, ...] = ()
 
 
-def collect(config: CollectConfig, seed: int, episodes: int, workers: int, out: Path) -> CollectSummary:
-    """Run episodes 0 to `episodes` - 1 and log each as `OUT/<key>.mcap`; those that are there are kept.
+def collect(
+    config: CollectConfig,
+    seed: int,
+    numbers: Sequence[int],
+    workers: int,
+    out: Path,
+    timeout: float = EPISODE_TIMEOUT,
+) -> CollectSummary:
+    """Run the episodes of these numbers and log each as `OUT/<key>.mcap`; those that are there are kept.
+
+    Args:
+        timeout: longest time for one episode [s], with more than one worker.
 
     Raises:
         JengaError: the folder holds another recipe, is in use, or cannot be written; a seed or count not allowed.
     """
     if not 0 <= seed < SEED_LIMIT:
         raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
-    return run_episodes(partial(run_one, config), config, seed, episodes, workers, out)
+    return run_episodes(partial(run_one, config), config, seed, numbers, workers, out, timeout=timeout)
 
 
 def run_one(config: CollectConfig, seed: int, number: int, open_log: OpenLog) -> Result:
@@ -75,38 +90,53 @@ def run_episodes(
     rollout: Rollout,
     config: CollectConfig,
     seed: int,
-    episodes: int,
+    numbers: Sequence[int],
     workers: int,
     out: Path,
     actor: Actor = NOBODY,
     label: str = "",
+    timeout: float = math.inf,
 ) -> CollectSummary:
     """Run a rollout for each number that `out` does not hold yet, in worker processes.
 
+    An episode that has a bug, or whose worker dies or takes longer than `timeout` [s] twice, is set aside with its
+    reason and the rest go on. What was set aside before is tried again.
+
     Raises:
-        JengaError: as `collect`, and if a worker died.
+        JengaError: as `collect`.
+        CheckFailed: one episode after the other had to be set aside.
     """
-    if episodes < 1 or workers < 1:
-        raise JengaError(f"episodes is {episodes} and workers is {workers}; both must be at least 1")
+    if len(numbers) < 1 or workers < 1:
+        raise JengaError(f"episodes is {len(numbers)} and workers is {workers}; both must be at least 1")
+    if not timeout > 0:
+        raise JengaError(f"the time for one episode is {timeout:g} s; allowed: more than 0, such as 600")
     began = monotonic()
     with _claimed(out, config, seed, actor):
-        paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in range(episodes)}
+        paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in numbers}
         missing = [n for n, path in paths.items() if not path.exists()]
-        tally = _Tally()
+        tally, given_up, patience = _Tally(), list[SetAside](), Patience(out)
         for number in paths.keys() - set(missing):
             tally.add(*_ending(paths[number]))
+            take_back(paths[number])
         with progress(label or f"collecting {config.kind}", len(paths)) as bar:
             bar.advance(len(paths) - len(missing), tally.note())
-            for outcome, cause in _results(rollout, seed, missing, workers, out):
-                tally.add(outcome, cause)
-                bar.advance(1, tally.note())
+            for number, end in run_all(partial(_attempt, rollout, seed, out), missing, workers, timeout):
+                if isinstance(end, Lost | Bug):
+                    given_up.append(set_aside(paths[number], seed, number, end))
+                    patience.failed(given_up)
+                else:
+                    tally.add(*end)
+                    take_back(paths[number])
+                    patience.succeeded()
+                bar.advance(1, tally.note() + (f" set aside {len(given_up)}" if given_up else ""))
     return CollectSummary(
-        episodes=len(paths),
+        episodes=len(paths) - len(given_up),
         outcomes={o.value: tally.outcomes[o.value] for o in Outcome},
         causes=dict(sorted(tally.causes.items())),
         resumed=len(paths) - len(missing),
         seconds=round(monotonic() - began, 3),
         out=str(out),
+        set_aside=tuple(sorted(given_up, key=lambda found: found.number)),
     )
 
 
@@ -124,22 +154,21 @@ class _Tally:
         return " ".join(f"{name} {count}" for name, count in sorted(self.outcomes.items()))
 
 
-def _results(rollout: Rollout, seed: int, numbers: list[int], workers: int, out: Path) -> Iterator[tuple[str, str]]:
-    """Run the numbers. What a worker that is stopped was writing is a .partial file, which the next run writes anew."""
-    if not numbers:
-        return
+def _attempt(rollout: Rollout, seed: int, out: Path, number: int) -> tuple[str, str] | Bug:
+    """What a worker does: one episode, or the bug in it. What a person or a full disk caused ends the run."""
     try:
-        for _, ending in run_all(partial(run_and_log, rollout, seed, out), numbers, min(workers, len(numbers))):
-            yield ending
-    except BrokenProcessPool:
-        raise JengaError(
-            f"a worker process died (out of memory, or killed); finished episodes are kept in {out}: "
-            "run the same command again to go on"
-        ) from None
+        return run_and_log(rollout, seed, out, number)
+    except (JengaError, OSError):
+        raise
+    except Exception as error:  # a bug in one episode shall not cost the others; it is shown at the end
+        return Bug.of(error)
 
 
 def run_and_log(rollout: Rollout, seed: int, out: Path, number: int) -> tuple[str, str]:
-    """One episode into `OUT/<key>.mcap`: its outcome and cause. What a worker does."""
+    """One episode into `OUT/<key>.mcap`: its outcome and cause.
+
+    A process that is stopped leaves a .partial file, which the next run writes anew.
+    """
     from jenga_data.log.writer import EpisodeWriter
 
     result = rollout(seed, number, lambda header, xml: EpisodeWriter(out / f"{header.key}.mcap", header, xml))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jenga_data.dataset import describe
 from jenga_data.dataset.manifest import DATA, MANIFEST, Manifest, canonical_bytes
-from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, arrow_schema
+from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, FORMAT_VERSION, arrow_schema, columns_of, format_of
 from jenga_data.dataset.tables import open_parquet
 
 
@@ -14,7 +14,10 @@ def check_manifest(folder: Path, manifest: Manifest) -> Iterator[str]:
     """It is written in the one way, and describes the columns of its kind."""
     if (folder / MANIFEST).read_bytes() != canonical_bytes(manifest):
         yield f"{MANIFEST} is not in canonical form: its bytes were changed"
-    if manifest.features != describe.features(manifest.kind, manifest.blocks):
+    found, expected = manifest.features, describe.features(manifest.kind, manifest.blocks, manifest.format_version)
+    if not _present(manifest):  # an older format had its own words for the same columns
+        found, expected = ([(f.name, f.dtype, f.shape) for f in features] for features in (found, expected))
+    if found != expected:
         yield f"{MANIFEST} describes other features than a {manifest.kind} dataset has"
 
 
@@ -41,15 +44,21 @@ def check_hashes(folder: Path, manifest: Manifest) -> Iterator[str]:
 def check_schema(folder: Path, manifest: Manifest) -> Iterator[str]:
     """Every file has exactly the columns, with the descriptions, and the number of rows that it should."""
     for entry in manifest.files:
-        columns = EPISODE_COLUMNS if entry.path == EPISODES else COLUMNS[manifest.kind]
-        expected = arrow_schema(columns, manifest.blocks)
+        columns = EPISODE_COLUMNS if entry.path == EPISODES else columns_of(manifest.kind, manifest.format_version)
+        expected = arrow_schema(columns, manifest.blocks, manifest.format_version)
         with open_parquet(folder / entry.path) as file:
-            if not file.schema_arrow.equals(expected, check_metadata=True):
+            if not file.schema_arrow.equals(expected, check_metadata=_present(manifest)):
                 found = {f.name: f for f in file.schema_arrow}
                 odd = [
-                    f.name for f in expected if f.name not in found or not f.equals(found[f.name], check_metadata=True)
+                    f.name
+                    for f in expected
+                    if f.name not in found or not f.equals(found[f.name], check_metadata=_present(manifest))
                 ]
                 odd += sorted(found.keys() - set(expected.names))
                 yield f"{entry.path} has other columns than it should: {', '.join(odd) or 'their order or metadata'}"
             if file.metadata.num_rows != entry.rows:
                 yield f"{entry.path} has {file.metadata.num_rows} rows, the manifest says {entry.rows}"
+
+
+def _present(manifest: Manifest) -> bool:
+    return format_of(manifest.format_version) == format_of(FORMAT_VERSION)

@@ -76,3 +76,22 @@ def check_edges(rows: Rows) -> Iterator[str]:
         yield f"{extra} edges join blocks that do not lie on each other"
     if missing:
         yield f"{missing} pairs of blocks that lie on each other have no edge"
+
+
+def check_layout(rows: Rows) -> Iterator[str]:
+    """No two blocks of a row have the same place in the tower."""
+    place = 3 * np.asarray(rows["level"]).astype(int) + np.asarray(rows["slot"])
+    crowded = (np.diff(np.sort(place, axis=1), axis=1) == 0).any(axis=1)
+    if crowded.any():
+        yield f"{crowded.sum()} rows have two blocks in one slot"
+
+
+def check_transitions(rows: Rows) -> Iterator[str]:
+    """Where a row follows the one before by one frame, it begins with the state in which that one ended."""
+    episode, frame = np.asarray(rows["episode"]), np.asarray(rows["frame"])
+    follows = np.flatnonzero((episode[1:] == episode[:-1]) & (np.diff(frame) == 1))
+    for now, then in (("block_pose", "next_pose"), ("block_twist", "next_twist")):
+        if then in rows:
+            begun, ended = np.asarray(rows[now])[follows + 1], np.asarray(rows[then])[follows]
+            if odd := (begun != ended).any(axis=(1, 2)).sum():
+                yield f"{odd} rows do not begin with the {then} of the row before"

@@ -3,7 +3,7 @@
 from dataclasses import asdict
 
 from jenga_data.dataset.manifest import Feature, Label
-from jenga_data.dataset.schema import COLUMNS
+from jenga_data.dataset.schema import FORMAT_VERSION, columns_of
 from jenga_data.graph import MAX_GAP, MAX_SINK, MIN_OVERLAP
 from jenga_data.outcome import THRESHOLDS
 
@@ -50,6 +50,7 @@ def labels() -> list[Label]:
     ]
 
 
-def features(kind: str, blocks: int) -> list[Feature]:
+def features(kind: str, blocks: int, format_version: str = FORMAT_VERSION) -> list[Feature]:
     """The columns of `data/` as the manifest lists them."""
-    return [Feature(c.name, c.dtype, c.resolved(blocks), c.unit, c.frame, c.description) for c in COLUMNS[kind]]
+    columns = columns_of(kind, format_version)
+    return [Feature(c.name, c.dtype, c.resolved(blocks), c.unit, c.frame, c.description) for c in columns]

@@ -7,23 +7,22 @@ from typing import Annotated, Any, Literal
 
 import msgspec
 
-from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION
+from jenga_data.dataset.schema import DATASET_KIND, EPISODES, FORMAT_VERSION, format_of
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.limits import MAX_BLOCKS, MAX_COUNT, MAX_MANIFEST_BYTES
 
 MANIFEST = "manifest.json"
 DATA = "data/"
 """Folder of the files that hold rows."""
-MAX_BYTES = 64 * 2**20
-"""Larger manifests are refused unread: 100,000 towers take 3 MB."""
 
 SPLITS = ("train", "validation", "test")
 
 _NAME = r"^[a-z0-9][a-z0-9._-]{0,63}$"
-_VERSION = r"^(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)\.(0|[1-9][0-9]*)$"
+_VERSION = r"^(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})\.(0|[1-9][0-9]{0,8})$"
 Name = Annotated[str, msgspec.Meta(pattern=_NAME)]
-Version = Annotated[str, msgspec.Meta(pattern=_VERSION)]
+Version = Annotated[str, msgspec.Meta(pattern=_VERSION, max_length=32)]
 Sha256 = Annotated[str, msgspec.Meta(pattern=r"^[0-9a-f]{64}$")]
-Count = Annotated[int, msgspec.Meta(ge=0)]
+Count = Annotated[int, msgspec.Meta(ge=0, le=MAX_COUNT)]
 
 
 class _Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -128,7 +127,7 @@ class Manifest(_Strict, frozen=True):
     format_version: Version
     kind: str
     description: str
-    blocks: Annotated[int, msgspec.Meta(ge=1, le=10_000)]
+    blocks: Annotated[int, msgspec.Meta(ge=1, le=MAX_BLOCKS)]
     features: list[Feature]
     files: list[File]
     splits: Splits
@@ -182,6 +181,22 @@ def sealed(manifest: Manifest) -> Manifest:
     return msgspec.structs.replace(manifest, hash=manifest_hash(manifest))
 
 
+def read_manifest_bytes(path: Path) -> bytes:
+    """What stands in a `manifest.json`, of whatever format.
+
+    Raises:
+        JengaError: it is missing, or absurdly large.
+    """
+    try:
+        if path.exists() and not path.is_file():  # a pipe would be waited for
+            raise JengaError(f"{path} is no regular file; a dataset is a folder with a {MANIFEST}")
+        if path.stat().st_size > MAX_MANIFEST_BYTES:
+            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_MANIFEST_BYTES}")
+        return path.read_bytes()
+    except OSError as error:
+        raise JengaError(f"cannot read {path}: {error.strerror}; a dataset is a folder with a {MANIFEST}") from error
+
+
 class _Format(msgspec.Struct):
     format_version: Version
 
@@ -194,37 +209,37 @@ def load_manifest(path: Path) -> Manifest:
         CheckFailed: it was changed after it was sealed.
     """
     path = path / MANIFEST if path.is_dir() else path
-    try:
-        if path.stat().st_size > MAX_BYTES:
-            raise JengaError(f"{path} has {path.stat().st_size} bytes; a manifest has at most {MAX_BYTES}")
-        raw = path.read_bytes()
-    except OSError as error:
-        raise JengaError(f"cannot read {path}: {error.strerror}; a dataset is a folder with a {MANIFEST}") from error
+    raw = read_manifest_bytes(path)
     try:
         _check_format(path, msgspec.json.decode(raw, type=_Format).format_version)
         manifest = msgspec.json.decode(raw, type=Manifest)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        own_hash = manifest_hash(manifest)
+    except (msgspec.MsgspecError, UnicodeError, RecursionError, OverflowError) as error:
         raise JengaError(f"{path} is no valid manifest: {error}") from error
     if manifest.kind not in DATASET_KIND.values():
         raise JengaError(f"{path} is of kind {manifest.kind!r}; allowed: {', '.join(DATASET_KIND.values())}")
-    if manifest.hash != manifest_hash(manifest):
+    if manifest.hash != own_hash:
         raise CheckFailed(f"{path} does not match its own hash: it was edited or damaged; get the dataset again")
-    _check_paths(path, manifest.files)
+    check_paths(path, manifest.files)
     return manifest
 
 
 def _check_format(path: Path, found: str) -> None:
-    major, minor, _ = map(int, found.split("."))
-    own_major, own_minor, _ = map(int, FORMAT_VERSION.split("."))
+    major, minor = format_of(found)
+    own_major, own_minor = format_of(FORMAT_VERSION)
     if major != own_major or minor > own_minor:
         newer = (major, minor) > (own_major, own_minor)
-        way_out = "update jenga" if newer else "convert its logs again with `jenga convert`"
+        way_out = "update jenga" if newer else f"lift it with `jenga dataset migrate {path.parent} --out NEW`"
         allowed = f"{own_major}.0 to {own_major}.{own_minor}"
         raise JengaError(f"{path} has format version {found}; this jenga reads {allowed}: {way_out}")
 
 
-def _check_paths(path: Path, files: list[File]) -> None:
-    """A manifest from elsewhere must not make a reader look outside its folder."""
+def check_paths(path: Path, files: list[File]) -> None:
+    """A manifest from elsewhere must not make a reader look outside its folder.
+
+    Raises:
+        JengaError: the manifest at `path` lists what would, lists a file twice, or not those that a dataset needs.
+    """
     seen = set()
     for file in files:
         parts = PurePosixPath(file.path).parts

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jenga_data.dataset.schema import DATASET_KIND
+from jenga_data.dataset.schema import DATASET_KIND, FORCE_STEP, POSE_STEP, TWIST_STEP
 from jenga_data.episode import Contacts, Episode, Result
 from jenga_data.errors import JengaError
 from jenga_data.graph import support_edges
@@ -87,7 +87,8 @@ def _keys(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
 
 def _state(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
     header, rows = episode.header, len(frames)
-    edges = [support_edges(episode.pose[f], header.blocks.size) for f in frames]
+    pose = in_steps(episode.pose[frames], POSE_STEP)
+    edges = [support_edges(p, header.blocks.size) for p in pose]
     force = [edge_forces(episode.contacts[f], e, len(header.blocks)) for f, e in zip(frames, edges, strict=True)]
     offset = np.concatenate([[0], np.cumsum([e.shape[1] for e in edges])]).astype(np.int64)
     both = np.concatenate([np.zeros((2, 0), np.int64), *edges], axis=1)
@@ -98,14 +99,20 @@ def _state(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
     return {
         "block_size": repeat(header.blocks.size),
         "block_mass": repeat(header.blocks.mass),
-        "block_pose": episode.pose[frames],
-        "block_twist": episode.twist[frames],
+        "block_wedge": repeat(header.blocks.wedge),
+        "block_pose": pose,
+        "block_twist": in_steps(episode.twist[frames], TWIST_STEP),
         "level": repeat(header.layout.level),
         "slot": repeat(header.layout.slot),
         "edge_upper": Ragged(offset, both[0]),
         "edge_lower": Ragged(offset, both[1]),
-        "edge_force": Ragged(offset, np.concatenate([np.zeros(0), *force])),
+        "edge_force": Ragged(offset, in_steps(np.concatenate([np.zeros(0), *force]), FORCE_STEP)),
     }
+
+
+def in_steps(values: Float[np.ndarray, "*any"], step: float) -> Float[np.ndarray, "*any"]:
+    """The nearest whole multiples of `step`, a power of two: noise below it would make most of a file's bytes."""
+    return np.round(values / step) * step
 
 
 def edge_forces(contacts: Contacts, edges: Int[np.ndarray, "2 edge"], blocks: int) -> Float[np.ndarray, " edge"]:
@@ -136,8 +143,8 @@ def _transition(episode: Episode, result: Result, frames: Int[np.ndarray, " row"
     return {
         "action": episode.action,
         "action_reached": episode.action_reached,
-        "next_pose": episode.pose[frames + 1],
-        "next_twist": episode.twist[frames + 1],
+        "next_pose": in_steps(episode.pose[frames + 1], POSE_STEP),
+        "next_twist": in_steps(episode.twist[frames + 1], TWIST_STEP),
         "left_force": step_means(gripper.time_ns, gripper.left_force, start, end),
         "right_force": step_means(gripper.time_ns, gripper.right_force, start, end),
         "target_clear": (frames >= clear) & (clear >= 0),

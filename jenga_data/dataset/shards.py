@@ -1,10 +1,11 @@
 """Which episodes share a file, so that new logs leave the files of old ones as they are."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import groupby
 
+from jenga_data.dataset.manifest import DATA
 from jenga_data.dataset.sources import Source
 
 EPISODES_A_SHARD = 128
@@ -34,7 +35,10 @@ def _group(source: Source) -> tuple[int, str, str, int]:
 
 
 def _shard(sources: tuple[Source, ...]) -> Shard:
-    first = sources[0]
-    digest = hashlib.sha256("\n".join(s.episode for s in sources).encode()).hexdigest()[:12]
-    start = first.number // EPISODES_A_SHARD * EPISODES_A_SHARD
-    return Shard(f"data/s{first.seed:07d}-n{start:07d}-{digest}.parquet", sources)
+    return Shard(shard_path(sources[0].seed, sources[0].number, [s.episode for s in sources]), sources)
+
+
+def shard_path(seed: int, number: int, keys: Iterable[str]) -> str:
+    """Path of the file that holds the episodes `keys`, the first of them with that seed and number."""
+    digest = hashlib.sha256("\n".join(keys).encode()).hexdigest()[:12]
+    return f"{DATA}s{seed:07d}-n{number // EPISODES_A_SHARD * EPISODES_A_SHARD:07d}-{digest}.parquet"

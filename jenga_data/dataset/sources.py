@@ -16,10 +16,13 @@ from jenga_data.log.files import file_sha256
 from jenga_data.log.output import PARTIAL
 from jenga_data.log.reader import read_header
 from jenga_data.outcome import Outcome
+from jenga_data.pool import run_every
 from jenga_data.progress import progress
 
 _LOG = logging.getLogger(__name__)
 _PREDICTION = ".prediction.mcap"
+_LOGS_A_TASK = 64
+"""A worker takes a second to start; the headers of so many logs take about as long."""
 
 
 @dataclass(frozen=True)
@@ -94,28 +97,28 @@ def find_logs(folders: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
-def read_sources(folders: Sequence[Path]) -> Sources:
+def read_sources(folders: Sequence[Path], workers: int = 1) -> Sources:
     """Look at every log below the folders, without reading its frames.
 
     Byte-identical copies count once. The result does not depend on the order of folders and files.
 
     Raises:
-        JengaError: logs are damaged, unfinished, of different kinds or sizes, or contradict each other.
+        JengaError: logs are damaged, unfinished, of different kinds or sizes, or contradict each other; or a worker
+            died.
     """
     paths = find_logs(folders)
     by_key: dict[str, Source] = {}
     configs: dict[str, dict[str, Any]] = {}
     kinds: dict[tuple[str, int], Path] = {}
-    with progress("read headers", len(paths)) as bar:
-        for path in paths:
-            header, result = read_header(path)
-            source = _source(path, header, result)
+    for look in _looks(paths, workers):
+        configs |= look.configs
+        for source, blocks in look.sources:
             other = by_key.setdefault(source.episode, source)
             if other.log_sha256 != source.log_sha256:
-                raise JengaError(f"two logs of episode {source.episode} differ: {other.path} and {path}; keep one")
-            configs[source.config] = header.config
-            kinds.setdefault((source.kind, len(header.blocks)), path)
-            bar.advance()
+                raise JengaError(
+                    f"two logs of episode {source.episode} differ: {other.path} and {source.path}; keep one"
+                )
+            kinds.setdefault((source.kind, blocks), source.path)
     if len(kinds) > 1:
         examples = "; ".join(f"{kind} of {blocks} blocks: {path}" for (kind, blocks), path in sorted(kinds.items()))
         raise JengaError(f"logs of different kinds make no dataset ({examples}): convert them apart")
@@ -124,6 +127,35 @@ def read_sources(folders: Sequence[Path]) -> Sources:
     kind, blocks = next(iter(kinds))
     logs = sorted(by_key.values(), key=lambda s: (s.seed, s.config, s.checkpoint, s.number, s.episode))
     return Sources(DATASET_KIND[kind], blocks, logs, dict(sorted(configs.items())))
+
+
+@dataclass(frozen=True)
+class _Look:
+    """What the headers of some logs say: each log with its number of blocks, and the configs by their hash."""
+
+    sources: list[tuple[Source, int]]
+    configs: dict[str, dict[str, Any]]
+
+
+def _looks(paths: Sequence[Path], workers: int) -> list[_Look]:
+    """Headers of all logs, in the order of `paths` for any number of workers."""
+    chunks = [tuple(paths[i : i + _LOGS_A_TASK]) for i in range(0, len(paths), _LOGS_A_TASK)]
+    found: dict[tuple[Path, ...], _Look] = {}
+    with progress("read headers", len(paths)) as bar:
+        for chunk, look in run_every(_look, chunks, max(1, min(workers, len(chunks) // 2))):
+            found[chunk] = look
+            bar.advance(len(chunk))
+    return [found[chunk] for chunk in chunks]
+
+
+def _look(paths: Sequence[Path]) -> _Look:
+    look = _Look([], {})
+    for path in paths:
+        header, result = read_header(path)
+        source = _source(path, header, result)
+        look.sources.append((source, len(header.blocks)))
+        look.configs[source.config] = header.config
+    return look
 
 
 def _source(path: Path, header: EpisodeHeader, result: Result | None) -> Source:

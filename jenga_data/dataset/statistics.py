@@ -26,12 +26,21 @@ class Moments:
     def add(self, values: Float[np.ndarray, "sample width"]) -> None:
         if len(values) == 0:
             return
-        mean = values.mean(axis=0)
-        shift, count = mean - self.mean, self.count + len(values)
-        self.squares += ((values - mean) ** 2).sum(axis=0) + shift**2 * (self.count * len(values) / count)
-        self.mean += shift * (len(values) / count)
-        self.low = np.minimum(self.low, values.min(axis=0))
-        self.high = np.maximum(self.high, values.max(axis=0))
+        batch = Moments(len(self.mean))
+        batch.count = len(values)
+        batch.mean = values.mean(axis=0)
+        batch.squares = ((values - batch.mean) ** 2).sum(axis=0)
+        batch.low, batch.high = values.min(axis=0), values.max(axis=0)
+        self.merge(batch)
+
+    def merge(self, other: "Moments") -> None:
+        """Count in what another one has seen."""
+        if other.count == 0:
+            return
+        shift, count = other.mean - self.mean, self.count + other.count
+        self.squares += other.squares + shift**2 * (self.count * other.count / count)
+        self.mean += shift * (other.count / count)
+        self.low, self.high = np.minimum(self.low, other.low), np.maximum(self.high, other.high)
         self.count = count
 
     def statistic(self) -> Statistic:
@@ -59,6 +68,12 @@ class ColumnStatistics:
             column = rows[name]
             values = column.values if isinstance(column, Ragged) else column
             moments.add(np.asarray(values).astype(np.float32).astype(float).reshape(-1, len(moments.mean)))
+
+    def merge(self, other: "ColumnStatistics") -> None:
+        """Count in what another one has seen of the same columns."""
+        self.rows += other.rows
+        for name, moments in self._moments.items():
+            moments.merge(other._moments[name])
 
     def summary(self) -> dict[str, Statistic]:
         return {name: moments.statistic() for name, moments in self._moments.items()}

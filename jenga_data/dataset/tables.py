@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from jenga_data.dataset.rows import Ragged, Rows
 from jenga_data.dataset.schema import Column
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.limits import MAX_GROUP_BYTES, MAX_NAME, MAX_ROW_BYTES, MAX_THRIFT_CONTAINER, MAX_THRIFT_STRING
 
 ROWS_A_GROUP = 1024
 """A row group is written as soon as so many rows have come together (7 MB of a 54-block dynamics dataset)."""
@@ -106,18 +107,46 @@ class TableWriter:
 
 
 @contextmanager
-def open_parquet(path: Path) -> Iterator[pq.ParquetFile]:
-    """Open a memory-mapped Parquet file for reading.
+def open_parquet(path: Path, metadata: pq.FileMetaData | None = None) -> Iterator[pq.ParquetFile]:
+    """Open a memory-mapped Parquet file for reading; its `metadata` need not be read a second time.
 
     Raises:
-        CheckFailed: the file is damaged, or no Parquet file.
+        CheckFailed: the file is damaged, no Parquet file, or claims to unpack to more than is allowed.
     """
     try:
-        with pq.ParquetFile(path, memory_map=True) as file:
+        with pq.ParquetFile(
+            path,
+            memory_map=True,
+            metadata=metadata,
+            thrift_string_size_limit=MAX_THRIFT_STRING,
+            thrift_container_size_limit=MAX_THRIFT_CONTAINER,
+        ) as file:
+            if metadata is None:
+                _check_claims(file.metadata)
             yield file
-    except (pa.ArrowException, OSError) as error:
-        reason = str(error).splitlines()[0]
+    except (pa.ArrowException, OSError, UnicodeError) as error:
+        reason = (str(error).splitlines() or ["it cannot be decoded"])[0][: 2 * MAX_NAME]
         raise CheckFailed(f"cannot read {path}: {reason}: run `jenga dataset verify` on its folder") from error
+
+
+def _check_claims(metadata: pq.FileMetaData) -> None:
+    """Arrow allocates what a file claims to unpack to. A claim may still be a lie: see `Dataset`.
+
+    Raises:
+        OSError: a claim exceeds `jenga_data.limits`, or makes no sense.
+    """
+    rows = 0
+    for number in range(metadata.num_row_groups):
+        group = metadata.row_group(number)
+        claims = [group.column(i).total_uncompressed_size for i in range(group.num_columns)]
+        if (
+            not 0 <= sum(claims) <= min(MAX_GROUP_BYTES, MAX_ROW_BYTES * (1 + max(group.num_rows, 0)))
+            or min(claims) < 0
+        ):
+            raise OSError(f"row group {number} claims to unpack to {sum(claims)} bytes")
+        rows += group.num_rows
+    if rows != metadata.num_rows:
+        raise OSError(f"it claims {metadata.num_rows} rows and has {rows}")
 
 
 def numpy_column(array: pa.Array | pa.ChunkedArray) -> np.ndarray | Ragged:

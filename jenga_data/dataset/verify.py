@@ -2,8 +2,8 @@
 
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, field
+from itertools import chain, islice
 from pathlib import Path
 from typing import Any
 
@@ -17,18 +17,30 @@ from jenga_data.dataset.check_keys import (
     check_splits,
     check_statistics,
 )
-from jenga_data.dataset.check_rows import check_edges, check_ranges
+from jenga_data.dataset.check_provenance import check_provenance
+from jenga_data.dataset.check_rows import check_edges, check_layout, check_ranges, check_transitions
 from jenga_data.dataset.locate import locate
 from jenga_data.dataset.manifest import load_manifest
 from jenga_data.dataset.read import Dataset
 from jenga_data.dataset.rows import Rows
-from jenga_data.dataset.schema import COLUMNS
 from jenga_data.dataset.statistics import ColumnStatistics
 from jenga_data.dataset.tables import numpy_column, open_parquet
 from jenga_data.errors import JengaError
 from jenga_data.progress import progress
 
-CHECKS = ("manifest", "files", "schema", "ranges", "edges", "frames", "episodes", "splits", "counts", "statistics")
+CHECKS = (
+    "manifest",
+    "files",
+    "schema",
+    "ranges",
+    "edges",
+    "frames",
+    "episodes",
+    "splits",
+    "counts",
+    "statistics",
+    "provenance",
+)
 """In this order; where one of the first three fails, the rest cannot be run."""
 
 _SHOWN = 3
@@ -49,6 +61,8 @@ class VerifyReport:
     dataset: str
     hash: str
     checks: dict[str, Check]
+    resim: dict[str, Any] = field(default_factory=dict)
+    """What `jenga_data.dataset.check_resim` found in numbers, where that was asked for."""
 
     @property
     def ok(self) -> bool:
@@ -57,7 +71,8 @@ class VerifyReport:
     def as_dict(self) -> dict[str, Any]:
         """What `jenga dataset verify --json` prints."""
         checks = {name: {"ok": check.ok, "detail": check.detail} for name, check in self.checks.items()}
-        return {"ok": self.ok, "dataset": self.dataset, "hash": self.hash, "checks": checks}
+        more = {"resim": self.resim} if self.resim else {}
+        return {"ok": self.ok, "dataset": self.dataset, "hash": self.hash, "checks": checks} | more
 
 
 def verify(where: str | Path) -> VerifyReport:
@@ -86,16 +101,17 @@ def _content(dataset: Dataset) -> dict[str, Check]:
     manifest = dataset.manifest
     episodes = dataset.episodes()
     keys = {name: dataset.column(name) for name in ("episode", "frame")}
-    statistics = ColumnStatistics(COLUMNS[manifest.kind])
+    statistics = ColumnStatistics(dataset.columns)
     train = manifest.splits.train
     blocks_of: dict[str, set[bytes]] = {}
-    wrong: dict[str, dict[str, None]] = {"ranges": {}, "edges": {}}
+    wrong: dict[str, dict[str, None]] = {"ranges": {}, "edges": {}, "frames": {}}
     with progress("verify", len(manifest.data_files)) as bar:
         for path, rows in _batches(dataset, bar.advance):
-            ranges = [f"{path}: {line}" for line in check_ranges(rows, manifest.blocks)]
+            ranges = [f"{path}: {line}" for line in chain(check_ranges(rows, manifest.blocks), check_layout(rows))]
             wrong["ranges"] |= dict.fromkeys(ranges)
             if not ranges:  # ids outside the tower would be no valid index
                 wrong["edges"] |= dict.fromkeys(f"{path}: {line}" for line in check_edges(rows))
+            wrong["frames"] |= dict.fromkeys(f"{path}: {line}" for line in check_transitions(rows))
             for tower, digest in _sets_of_blocks(rows):
                 blocks_of.setdefault(tower, set()).add(digest)
             chosen = np.isin(np.asarray(rows["tower"]), train)
@@ -104,11 +120,12 @@ def _content(dataset: Dataset) -> dict[str, Check]:
     return {
         "ranges": _check(wrong["ranges"], f"{count} rows"),
         "edges": _check(wrong["edges"], f"{count} graphs"),
-        "frames": _check(check_frames(keys), f"{count} rows"),
+        "frames": _check(chain(check_frames(keys), wrong["frames"]), f"{count} rows"),
         "episodes": _check(check_episodes(dataset, keys, episodes), f"{len(episodes['episode'])} episodes"),
         "splits": _check(check_splits(manifest, episodes, blocks_of), f"{len(blocks_of)} towers"),
         "counts": _check(check_counts(manifest, count, episodes), f"{manifest.counts.invalid} invalid episodes apart"),
         "statistics": _check(check_statistics(manifest, statistics.summary()), f"{statistics.rows} training rows"),
+        "provenance": _check(check_provenance(manifest, episodes), f"{len(manifest.provenance.recipes)} recipes"),
     }
 
 
@@ -123,10 +140,10 @@ def _batches(dataset: Dataset, each_file: Callable[[], None]) -> Iterator[tuple[
 
 
 def _sets_of_blocks(rows: Rows) -> Iterator[tuple[str, bytes]]:
-    """Tower of each row and a hash of its blocks' sizes and masses."""
-    size, mass, tower = (np.asarray(rows[name]) for name in ("block_size", "block_mass", "tower"))
-    for i, name in enumerate(tower.tolist()):
-        yield name, hashlib.sha256(size[i].tobytes() + mass[i].tobytes()).digest()
+    """Tower of each row and a hash of its blocks' sizes, masses and, where the format has them, wedges."""
+    parts = [np.asarray(rows[name]) for name in ("block_size", "block_mass", "block_wedge") if name in rows]
+    for i, name in enumerate(np.asarray(rows["tower"]).tolist()):
+        yield name, hashlib.sha256(b"".join(part[i].tobytes() for part in parts)).digest()
 
 
 def _check(wrong: Iterable[str], passed: str) -> Check:

@@ -27,7 +27,8 @@ from jenga_data.episode import (
     RobotState,
     Solid,
 )
-from jenga_data.log.profile import MAX_BLOCKS, MAX_PARTS
+from jenga_data.limits import MAX_BLOCKS, MAX_PARTS
+from jenga_data.log.profile import CONTACTS
 from jenga_data.log.proto import jenga_pb2 as pb
 from jenga_data.outcome import Outcome, Verdict
 from jenga_data.tower import SLOTS, Layout
@@ -164,6 +165,11 @@ def _read_solid(solid: pb.Solid) -> Solid:
         raise ValueError(f"{solid.shape} of color {solid.color}; allowed: 0 to 1")
     (sx, sy, sz), (x, y, z, qw, qx, qy, qz), (red, green, blue, alpha) = solid.size, solid.pose, solid.color
     return Solid(solid.shape, (sx, sy, sz), (x, y, z, qw, qx, qy, qz), (red, green, blue, alpha))
+
+
+def frame_of(topic: str, data: bytes) -> int:
+    """The number of the frame that a state or contacts belong to."""
+    return parse(pb.Contacts if topic == CONTACTS else pb.TowerState, data).frame
 
 
 # --- one control step ----------------------------------------------------------------------------------------------

@@ -6,13 +6,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from google.protobuf.message import Message as ProtobufMessage
-from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Footer, Header, McapRecord, Message, Metadata, Schema, Statistics
 from mcap.well_known import MessageEncoding
 
 from jenga_data.errors import CheckFailed
+from jenga_data.limits import MAX_EPISODE_BYTES, MESSAGE_BYTES
 from jenga_data.log import profile
 from jenga_data.log.proto import jenga_pb2 as pb
-from jenga_data.log.records import Damage
+from jenga_data.log.records import Damage, printable
 
 MESSAGES: dict[str, type[ProtobufMessage]] = {
     profile.TOWER: pb.Tower,
@@ -41,6 +42,12 @@ class Raw:
     messages: dict[str, list[tuple[int, bytes]]] = field(default_factory=lambda: defaultdict(list))
     damage: list[Damage] = field(default_factory=list)
     wrong_schema: list[str] = field(default_factory=list)
+    statistics: Statistics | None = None
+
+    def counted(self, topic: str) -> int:
+        """How many messages of a topic the file says it has."""
+        counts = self.statistics.channel_message_counts if self.statistics else {}
+        return sum(counts.get(channel.id, 0) for channel in self.channels.values() if channel.topic == topic)
 
 
 def gather(
@@ -53,16 +60,16 @@ def gather(
         ValueError: more data than an episode may have in memory, or a time that is none.
     """
     raw = Raw()
-    kept = 0
+    kept = waiting = 0
     early: list[Message] = []
 
     def add(message: Message) -> None:
         nonlocal kept
         topic = raw.channels[message.channel_id].topic
         if kind_of(topic) is not None:
-            kept += len(message.data)
-            if kept > profile.MAX_EPISODE_BYTES:
-                raise ValueError(f"more than {profile.MAX_EPISODE_BYTES} bytes of frames; allowed: that many")
+            kept += len(message.data) + MESSAGE_BYTES
+            if kept > MAX_EPISODE_BYTES:
+                raise ValueError(f"more than {MAX_EPISODE_BYTES} bytes of frames; allowed: that many")
             if message.log_time >= 2**63:
                 raise ValueError(f"{topic} has a log time of {message.log_time} ns; allowed: less than 2^63")
             raw.messages[topic].append((message.log_time, message.data))
@@ -74,6 +81,9 @@ def gather(
                     add(record)
                 else:
                     early.append(record)
+                    waiting += len(record.data) + MESSAGE_BYTES
+                    if waiting > MAX_EPISODE_BYTES:
+                        raise ValueError(f"more than {MAX_EPISODE_BYTES} bytes of messages on unknown channels")
             case Schema():
                 raw.schemas.setdefault(record.id, record)
             case Channel():
@@ -86,6 +96,8 @@ def gather(
                 raw.attachments.setdefault(record.name, record.data)
             case Header():
                 raw.profile = record.profile
+            case Statistics():
+                raw.statistics = record
             case Footer():
                 raw.complete = True
             case Damage():
@@ -100,7 +112,8 @@ def gather(
 def _check_schema(channel: Channel, schema: Schema | None, kind: type[ProtobufMessage], wrong: list[str]) -> None:
     name = schema.name if schema else "no schema"
     if channel.message_encoding != MessageEncoding.Protobuf or name != kind.DESCRIPTOR.full_name:
-        line = f"{channel.topic} holds {name} ({channel.message_encoding}), not {kind.DESCRIPTOR.full_name} (protobuf)"
+        said = printable(f"{name} ({channel.message_encoding})")
+        line = f"{channel.topic} holds {said}, not {kind.DESCRIPTOR.full_name} (protobuf)"
         if line not in wrong:
             wrong.append(line)
 

@@ -1,12 +1,13 @@
 """What an episode's file says of the whole episode: the header as metadata and /tower, and back."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from jenga_data.episode import EpisodeHeader, RobotModel
 from jenga_data.errors import JengaError
+from jenga_data.limits import MAX_CONFIG_BYTES, MAX_DEPTH, MAX_NAME
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw
 
@@ -64,13 +65,13 @@ def check_version(path: Path, text: str) -> None:
     Raises:
         JengaError: with both versions and the way out.
     """
-    major = text.partition(".")[0]
+    major = text[:MAX_NAME].partition(".")[0]
     if major == str(profile.VERSION[0]):
         return
     out = "read it with the jenga that wrote it (its metadata record 'provenance' says which)"
     if major.isascii() and major.isdigit() and int(major) > profile.VERSION[0]:
         out = "install a newer jenga"
-    raise JengaError(f"{path} has profile version {text!r}, this jenga reads {profile.VERSION[0]}.x; {out}")
+    raise JengaError(f"{path} has profile version {text[:MAX_NAME]!r}, this jenga reads {profile.VERSION[0]}.x; {out}")
 
 
 def read_header_of(raw: Raw) -> EpisodeHeader:
@@ -80,6 +81,7 @@ def read_header_of(raw: Raw) -> EpisodeHeader:
         ValueError: something is missing, out of range or contradicts itself.
     """
     metadata = raw.metadata.get(profile.EPISODE_METADATA, {})
+    _check_lengths(metadata)
     if missing := [name for name in _NEEDED if not metadata.get(name)]:
         raise ValueError(f"metadata record {profile.EPISODE_METADATA!r} lacks {', '.join(missing)}")
     towers = raw.messages.get(profile.TOWER, [])
@@ -87,7 +89,7 @@ def read_header_of(raw: Raw) -> EpisodeHeader:
         raise ValueError(f"{len(towers)} messages on {profile.TOWER}; needed: 1")
     blocks, layout, tower = codec.read_tower(towers[0][1])
     header = EpisodeHeader(
-        key=metadata["key"],
+        key=_file_name(metadata["key"]),
         kind=metadata["kind"],
         seed=_whole(metadata, "seed"),
         number=_whole(metadata, "number"),
@@ -106,7 +108,7 @@ def read_header_of(raw: Raw) -> EpisodeHeader:
         raise ValueError(f"control_step_ns is {header.control_step_ns}; allowed: more than 0")
     for name, value in _repeated(header).items():
         if metadata.get(name, value) != value:
-            raise ValueError(f"metadata says {name} = {metadata[name]}, {profile.TOWER} says {value}")
+            raise ValueError(f"metadata says {name} = {metadata[name][:MAX_NAME]!r}, {profile.TOWER} says {value}")
     return header
 
 
@@ -130,10 +132,35 @@ def _whole(metadata: Mapping[str, str], name: str) -> int:
 def _read_config(data: bytes | None) -> dict[str, Any]:
     if data is None:
         return {}
+    if len(data) > MAX_CONFIG_BYTES:
+        raise ValueError(f"attachment {profile.CONFIG} of {len(data)} bytes; allowed: {MAX_CONFIG_BYTES}")
     try:
         config = json.loads(data)
     except (ValueError, RecursionError):
         raise ValueError(f"attachment {profile.CONFIG} is no JSON") from None
     if not isinstance(config, dict):
         raise ValueError(f"attachment {profile.CONFIG} is no JSON object")
+    level: list[Any] = [config]
+    for _ in range(MAX_DEPTH):
+        level = [v for value in level for v in _inner(value)]
+    if level:
+        raise ValueError(f"attachment {profile.CONFIG} is nested more than {MAX_DEPTH} deep")
     return config
+
+
+def _inner(value: object) -> Iterable[Any]:
+    return value.values() if isinstance(value, dict) else value if isinstance(value, list) else ()
+
+
+def _check_lengths(metadata: Mapping[str, str]) -> None:
+    """What stands in every row of a dataset, and in messages, is short."""
+    for name, value in metadata.items():
+        if name in (*_NEEDED, "checkpoint") and len(value) > MAX_NAME:
+            raise ValueError(f"metadata {name} has {len(value)} characters; allowed: {MAX_NAME}")
+
+
+def _file_name(key: str) -> str:
+    """A key names files: it must not lead anywhere else."""
+    if not key.isprintable() or key.startswith(".") or any(c in key for c in "/\\:"):
+        raise ValueError(f"metadata key is {key!r}; allowed: a plain file name")
+    return key

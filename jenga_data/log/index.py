@@ -24,59 +24,97 @@ from mcap.writer import MCAP0_MAGIC
 from jenga_data.log.records import HEAD, UNREADABLE, Damage, parse_record, read_record, reason_of, size_of, unpack, walk
 
 _FOOTER_BYTES = HEAD.size + 20
+_DATA_END_BYTES = HEAD.size + 4
+_READ_BYTES = 2**20
 
 
-def select(stream: BinaryIO, topics: Collection[str], attachments: Collection[str]) -> Iterator[McapRecord | Damage]:
-    """Like `records.walk`, but of attachments and messages only those of the given names and topics.
+def select(
+    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], first: Collection[str] = ()
+) -> Iterator[McapRecord | Damage]:
+    """Like `records.walk`, but of attachments and messages only those of the given names and topics, and of the
+    topics `first` only those in the first chunk that holds any.
 
     Reads only the summary, what it points to, and the chunks that hold these topics. A file without a complete
     index is walked from front to back.
     """
     try:
-        found = _indexed(stream, topics, attachments)
+        found = _indexed(stream, topics, attachments, first)
     except UNREADABLE as error:
         yield Damage(size_of(stream), f"the index cannot be read: {reason_of(error)}")
         return
     yield from found if found is not None else walk(stream)
 
 
-def _indexed(stream: BinaryIO, topics: Collection[str], attachments: Collection[str]) -> list[McapRecord] | None:
+def is_intact(stream: BinaryIO) -> bool:
+    """Whether every byte of the file is as its writer wrote it, by the checksums of its two sections.
+
+    False also where the writer left them out: then `records.walk` compares those of the single chunks.
+    """
+    try:
+        footer = _read_footer(stream, size_of(stream))
+        if footer is None or not footer.summary_crc:
+            return False
+        stream.seek(footer.summary_start - _DATA_END_BYTES)
+        end = stream.read(_DATA_END_BYTES)
+        if HEAD.unpack_from(end) != (Opcode.DATA_END, 4):
+            return False
+        (expected,) = struct.unpack_from("<I", end, HEAD.size)
+        return expected != 0 and expected == _checksum(stream, footer.summary_start - _DATA_END_BYTES)
+    except UNREADABLE:
+        return False
+
+
+def _checksum(stream: BinaryIO, end: int) -> int:
+    stream.seek(0)
+    checksum = 0
+    while end > 0:
+        block = stream.read(min(end, _READ_BYTES))
+        if not block:
+            raise ValueError("it ends too early")
+        checksum = zlib.crc32(block, checksum)
+        end -= len(block)
+    return checksum
+
+
+def _indexed(
+    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], first: Collection[str]
+) -> list[McapRecord] | None:
     size = size_of(stream)
     summary = _read_summary(stream, size)
-    if summary is None:
+    if summary is None or summary.statistics is None:
         return None
-    channels = {channel.id for channel in summary.channels.values() if channel.topic in topics}
     offsets = [len(MCAP0_MAGIC)]  # The file's header, which names the profile.
     offsets += [index.offset for index in summary.metadata_indexes]
     offsets += [index.offset for index in summary.attachment_indexes if index.name in attachments]
-    out: list[McapRecord] = [*summary.schemas.values(), *summary.channels.values()]
+    out: list[McapRecord] = [*summary.schemas.values(), *summary.channels.values(), summary.statistics]
     out += [record for offset in offsets if (record := parse_record(read_record(stream, offset, size)))]
-    for index in summary.chunk_indexes:
-        if channels & index.message_index_offsets.keys():
-            chunk = parse_record(read_record(stream, index.chunk_start_offset, size))
-            if not isinstance(chunk, Chunk):
-                raise ValueError(f"no chunk at byte {index.chunk_start_offset}")
-            out += [r for r in unpack(chunk) if isinstance(r, Message) and r.channel_id in channels]
+    for index, channels in _chunks(summary, topics, first):
+        chunk = parse_record(read_record(stream, index.chunk_start_offset, size))
+        if not isinstance(chunk, Chunk):
+            raise ValueError(f"no chunk at byte {index.chunk_start_offset}")
+        out += [record for record in unpack(chunk, channels) if isinstance(record, Message)]
     return out
+
+
+def _chunks(summary: Summary, topics: Collection[str], first: Collection[str]) -> Iterator[tuple[ChunkIndex, set[int]]]:
+    """Which chunks to read, in the order of the file, and of which channels."""
+    wanted = {channel.id for channel in summary.channels.values() if channel.topic in topics}
+    once = {topic: {c.id for c in summary.channels.values() if c.topic == topic} for topic in first}
+    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+        held = index.message_index_offsets.keys()
+        channels = wanted & held
+        for topic in [topic for topic, ids in once.items() if ids & held]:
+            channels |= once.pop(topic) & held
+        if channels:
+            yield index, channels
 
 
 def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
     """The summary section, None where the file has none or where it does not list everything."""
+    footer = _read_footer(stream, size)
+    if footer is None:
+        return None
     start = size - _FOOTER_BYTES - len(MCAP0_MAGIC)
-    if start < len(MCAP0_MAGIC):
-        return None
-    stream.seek(start)
-    raw = stream.read(_FOOTER_BYTES)
-    if stream.read() != MCAP0_MAGIC or HEAD.unpack(raw[: HEAD.size]) != (Opcode.FOOTER, 20):
-        return None
-    footer = Footer(*struct.unpack("<QQI", raw[HEAD.size :]))
-    if not len(MCAP0_MAGIC) < footer.summary_start < start:
-        return None
-    stream.seek(footer.summary_start)
-    data = stream.read(start - footer.summary_start)
-    if footer.summary_crc not in (0, zlib.crc32(data + raw[:-4])):
-        raise ValueError("the checksum of the summary is wrong")
-
     summary = Summary()
     position = footer.summary_start
     while position < start:
@@ -96,6 +134,29 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
             case MetadataIndex() as record:
                 summary.metadata_indexes.append(record)
     return summary if _lists_everything(summary) else None
+
+
+def _read_footer(stream: BinaryIO, size: int) -> Footer | None:
+    """The footer, the summary's checksum compared; None where there is no summary.
+
+    Raises:
+        ValueError: the checksum is wrong.
+    """
+    start = size - _FOOTER_BYTES - len(MCAP0_MAGIC)
+    if start < len(MCAP0_MAGIC):
+        return None
+    stream.seek(start)
+    raw = stream.read(_FOOTER_BYTES)
+    if stream.read() != MCAP0_MAGIC or HEAD.unpack(raw[: HEAD.size]) != (Opcode.FOOTER, 20):
+        return None
+    footer = Footer(*struct.unpack("<QQI", raw[HEAD.size :]))
+    if not len(MCAP0_MAGIC) + _DATA_END_BYTES < footer.summary_start < start:
+        return None
+    stream.seek(footer.summary_start)
+    data = stream.read(start - footer.summary_start)
+    if footer.summary_crc not in (0, zlib.crc32(data + raw[:-4])):
+        raise ValueError("the checksum of the summary is wrong")
+    return footer
 
 
 def _lists_everything(summary: Summary) -> bool:

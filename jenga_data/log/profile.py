@@ -39,15 +39,6 @@ CONFIG: Final = "config.json"
 CHUNK_BYTES: Final = 64 * 1024
 """A killed process loses at most one unfinished chunk: about two frames of a full tower."""
 
-MAX_RECORD_BYTES: Final = 256 * 2**20
-"""No record or unpacked chunk is larger: what claims to be is damage or an attack, and is not allocated."""
-MAX_EPISODE_BYTES: Final = 2 * 2**30
-"""Most that is kept in memory of one episode: 60,000 frames of a full tower."""
-MAX_BLOCKS: Final = 1024
-"""Most blocks in a tower, and with it most levels."""
-MAX_PARTS: Final = 256
-"""Most joints and most links of a robot, and most solids of a link."""
-
 
 def version_text(version: tuple[int, int] = VERSION) -> str:
     return f"{version[0]}.{version[1]}"

@@ -20,7 +20,7 @@ from jenga_data.errors import JengaError
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw, gather, refuse_damage
 from jenga_data.log.header import check_kind, read_header_of
-from jenga_data.log.index import select
+from jenga_data.log.index import is_intact, select
 from jenga_data.log.records import one_line, open_log, walk
 
 T = TypeVar("T")
@@ -39,6 +39,49 @@ def read_episode(path: Path) -> Episode:
         check_kind(path, raw)
         refuse_damage(path, raw)
         return _stack(raw)
+
+
+_ONCE = (profile.TOWER, profile.OUTCOME)
+_PER_FRAME = (profile.STATE, profile.CONTACTS)
+_ACTED = (profile.ACTION, profile.GRIPPER)
+"""What the rows of a dataset are made from. The simulator's state, the robot's and what viewers draw are not."""
+
+
+def read_for_rows(path: Path, first_frame: bool) -> tuple[Episode, int]:
+    """As much of a log as the rows of a dataset need, and how many frames it has.
+
+    Every byte of the file is compared with the file's checksums. Messages that no row needs are not decoded: that
+    is what `doctor` does.
+
+    Args:
+        first_frame: read frame 0 alone, without actions: all that a row of a selection holds.
+
+    Raises:
+        JengaError: as `read_episode`.
+        CheckFailed: as `read_episode`.
+    """
+    with one_line(path):
+        with open_log(path) as stream:
+            if not is_intact(stream):
+                episode = read_episode(path)
+                return episode, len(episode.pose)
+            topics, first = (_ONCE, _PER_FRAME) if first_frame else ((*_ONCE, *_PER_FRAME, *_ACTED), ())
+            raw = gather(select(stream, topics, (profile.CONFIG,), first))
+        check_kind(path, raw)
+        refuse_damage(path, raw)
+        raw.messages = {topic: raw.messages[topic] for topic in (*topics, *first) if topic in raw.messages}
+        if first_frame:
+            for topic in _PER_FRAME:
+                _keep_frame_0(raw, topic)
+        episode = _stack(raw)
+        return episode, raw.counted(profile.STATE) if first_frame else len(episode.pose)
+
+
+def _keep_frame_0(raw: Raw, topic: str) -> None:
+    found = [(time, data) for time, data in raw.messages.get(topic, []) if codec.frame_of(topic, data) == 0]
+    if len(found) != 1 and (raw.messages.get(topic) or topic == profile.STATE):
+        raise ValueError(f"{topic} has {len(found)} messages of frame 0 where its first ones are; needed: 1")
+    raw.messages[topic] = found
 
 
 def read_header(path: Path) -> tuple[EpisodeHeader, Result | None]:
@@ -81,9 +124,9 @@ def _stack(raw: Raw) -> Episode:
     states = by_frame(raw, profile.SIM, codec.read_sim_state, count)
     if len({len(state) for _, state in states}) > 1:
         raise ValueError(f"{profile.SIM} has states of different lengths; needed: one length")
-    actions = [codec.read_action(data, time) for time, data in raw.messages[profile.ACTION]]
+    actions = [codec.read_action(data, time) for time, data in raw.messages.get(profile.ACTION, [])]
     actions.sort(key=lambda action: action.frame)
-    phases = [codec.read_phase(data, time) for time, data in raw.messages[profile.PHASE]]
+    phases = [codec.read_phase(data, time) for time, data in raw.messages.get(profile.PHASE, [])]
     for topic, frame in [(profile.ACTION, a.frame) for a in actions] + [(profile.PHASE, p.frame) for p in phases]:
         if frame >= count:
             raise ValueError(f"{topic} has frame {frame}, the last frame of {profile.STATE} is {count - 1}")
@@ -97,7 +140,7 @@ def _stack(raw: Raw) -> Episode:
         action_frame=np.array([action.frame for action in actions], np.int64),
         action=np.array([action.displacement for action in actions]).reshape(-1, 3),
         action_reached=np.array([action.reached for action in actions]).reshape(-1, 3),
-        gripper=_track([codec.read_gripper(data, time) for time, data in raw.messages[profile.GRIPPER]]),
+        gripper=_track([codec.read_gripper(data, time) for time, data in raw.messages.get(profile.GRIPPER, [])]),
         phases=sorted(phases, key=lambda phase: phase.time_ns),
         result=result_of(raw),
         turntable=np.array([angle for _, (_, _, angle) in frames]),

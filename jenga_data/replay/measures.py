@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from jenga_data.episode import Episode, Prediction
+from jenga_data.errors import JengaError
 from jenga_data.geometry import in_table_frame
 
 MM = 1e3
@@ -25,6 +26,22 @@ def seconds_of(episode: Episode, time_ns: Int[np.ndarray, "*batch"]) -> Float[np
 def frame_at(episode: Episode, time_ns: Int[np.ndarray, "*batch"]) -> Int[np.ndarray, "*batch"]:
     """The last frame that is not later than each time."""
     return np.clip(np.searchsorted(episode.time_ns, time_ns, side="right") - 1, 0, len(episode.time_ns) - 1)
+
+
+def moment(episode: Episode, time: float | None, frame: int | None) -> float:
+    """Seconds since the first frame of the moment that somebody asks for; the start if they do not.
+
+    Raises:
+        JengaError: both are given, or the episode has no such moment.
+    """
+    end, last = float(seconds(episode)[-1]), len(episode.time_ns) - 1
+    if time is not None and frame is not None:
+        raise JengaError("--time and --frame exclude each other; allowed: one of them")
+    if frame is not None and not 0 <= frame <= last:
+        raise JengaError(f"--frame is {frame}; episode {episode.header.key} has frames 0 to {last}")
+    if time is not None and not 0 <= time <= end:
+        raise JengaError(f"--time is {time}; episode {episode.header.key} goes from 0 to {end:.3f} s")
+    return float(seconds(episode)[frame]) if frame is not None else time or 0.0
 
 
 def samples_at_frames(episode: Episode) -> Int[np.ndarray, " frame"]:

@@ -36,7 +36,7 @@ from jenga_data.replay.measures import (
 from jenga_data.replay.meshes import Mesh
 from jenga_data.replay.series import Series, episode_series, model_path
 from jenga_data.replay.summary import outcome_words, summary
-from jenga_data.replay.viewer import headless_viewer
+from jenga_data.replay.viewer import headless_viewer, open_steerable_viewer
 from jenga_data.scenery import (
     COLUMN_HEIGHT,
     COLUMN_RADIUS,
@@ -102,13 +102,7 @@ def screenshot(recording: Path, out: Path, time: float, window: tuple[int, int] 
     if not recording.exists():
         raise JengaError(f"{recording} does not exist; jenga replay EPISODE.mcap --save OUT.rrd writes a recording")
     with headless_viewer(recording, window) as url:
-        viewer = ViewerClient.connect(url)
-        started = clock.monotonic()
-        while (state := viewer.get_state()).loading or not any(r.timelines for r in state.recordings):
-            if clock.monotonic() > started + (_PATIENCE if state.loading else _PATIENCE / 6):
-                raise JengaError(f"rerun found nothing to show in {recording}; it opens .rrd and .mcap files")
-            clock.sleep(0.1)
-        _set_time(viewer, {t.name: t for r in state.recordings for t in r.timelines}, time)
+        viewer = _viewer_at(url, recording, time)
         viewer.run_command("ui.toggle_top_panel")  # it names the graphics driver
         started, before, picture = clock.monotonic(), None, b""
         while picture != before or clock.monotonic() < started + _NOTES:  # the graph takes a while to settle
@@ -120,6 +114,27 @@ def screenshot(recording: Path, out: Path, time: float, window: tuple[int, int] 
         out.write_bytes(picture)
     except OSError as error:
         raise JengaError(f"cannot write {out}: {error.strerror or error}; choose another path for --png") from error
+
+
+def open_at(recording: Path, time: float) -> None:
+    """Open the native viewer on an .rrd or .mcap file at `time` seconds after its start. It stays open.
+
+    Raises:
+        JengaError: the viewer did not start, or the file holds nothing to show.
+    """
+    _viewer_at(open_steerable_viewer(recording), recording, time)
+
+
+def _viewer_at(url: str, recording: Path, time: float) -> ViewerClient:
+    """Wait until the viewer behind a URL has loaded the recording, and go to that moment."""
+    viewer = ViewerClient.connect(url)
+    started = clock.monotonic()
+    while (state := viewer.get_state()).loading or not any(r.timelines for r in state.recordings):
+        if clock.monotonic() > started + (_PATIENCE if state.loading else _PATIENCE / 6):
+            raise JengaError(f"rerun found nothing to show in {recording}; it opens .rrd and .mcap files")
+        clock.sleep(0.1)
+    _set_time(viewer, {t.name: t for r in state.recordings for t in r.timelines}, time)
+    return viewer
 
 
 def _set_time(viewer: ViewerClient, timelines: dict[str, Timeline], time: float) -> None:

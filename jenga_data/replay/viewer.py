@@ -73,9 +73,32 @@ def headless_viewer(recording: Path, window: tuple[int, int]) -> Iterator[str]:
 
 def open_viewer(recordings: Sequence[Path]) -> None:
     """Show recordings in the native viewer, which stays open after this program ends."""
-    command = _viewer_command(["--hide-welcome-screen", *map(str, recordings)])
+    _start(["--hide-welcome-screen", *map(str, recordings)])
+
+
+def open_steerable_viewer(recording: Path) -> str:
+    """The same in a window of its own, which can be told what to show. Returns its URL.
+
+    Raises:
+        JengaError: the viewer did not start.
+    """
+    port = _free_port()
+    process = _start(["--hide-welcome-screen", "--bind", "127.0.0.1", "--port", str(port), str(recording)])
+    deadline = time.monotonic() + _START_SECONDS
+    while not _listens(port):
+        if process.poll() is not None or time.monotonic() > deadline:
+            raise JengaError(
+                "rerun's viewer did not start, which needs a screen; write the recording with --save and open it there"
+            )
+        time.sleep(0.05)
+    return f"rerun+http://127.0.0.1:{port}/proxy"
+
+
+def _start(arguments: Sequence[str]) -> subprocess.Popen[bytes]:
+    """A viewer that outlives this program."""
     quiet = subprocess.DEVNULL
-    subprocess.Popen(command, env=_quiet_environment(), stdout=quiet, stderr=quiet, start_new_session=True)
+    command = _viewer_command(arguments)
+    return subprocess.Popen(command, env=_quiet_environment(), stdout=quiet, stderr=quiet, start_new_session=True)
 
 
 def serve_web(recordings: Sequence[Path], port: int = 9090) -> int:

@@ -11,7 +11,7 @@ LINE = "jenga: interrupted; what was finished is kept"
 
 SLOW_CONVERSION = """
 import time
-import jenga_data.dataset.convert as module
+import jenga_data.dataset.write as module
 fast = module.rows_of
 module.rows_of = lambda episode: time.sleep(0.5) or fast(episode)
 """

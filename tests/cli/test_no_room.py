@@ -51,7 +51,7 @@ def test_collect_where_the_writer_meets_a_full_disk(selection_logs: Made, tmp_pa
     assert not contents(out, "*.mcap")
 
 
-@pytest.mark.parametrize("where", ["jenga_data.dataset.convert.table_writer", "jenga_data.dataset.convert.file_entry"])
+@pytest.mark.parametrize("where", ["jenga_data.dataset.write.table_writer", "jenga_data.dataset.write.file_entry"])
 def test_convert(where, selection_logs: Made, selection: Made, tmp_path, monkeypatch):
     args = convert(selection_logs.path, tmp_path / "dataset")
     with monkeypatch.context() as patch:

@@ -24,6 +24,8 @@ from jenga_data.collect.workers import CollectSummary
         (("convert", "--name", "x", "--version", "0.1.0", "--out", "x"), "no folder of logs was given"),
         (("bench", "sim", "--towers", "0"), "towers is 0 and workers is 2; both must be at least 1"),
         (("bench", "sim", "--seed", "900000"), "seed is 900000; allowed: 0 to 899999"),
+        (("bench", "log", "--towers", "0"), "towers is 0; allowed: 1 or more"),
+        (("bench", "log", "--seed", "900000"), "seed is 900000; allowed: 0 to 899999"),
     ],
 )
 def test_wrong_usage(args, says):
@@ -32,9 +34,9 @@ def test_wrong_usage(args, says):
 
 def test_an_unknown_option_is_named_with_what_was_meant():
     line = jenga("collect", "selection", "--episode", 3, "--episodes", 3, "--out", "x").line()
-    assert "unrecognized options: --episode, 3; perhaps you meant: --episodes INT" in line
+    assert "unrecognized options: --episode, 3; perhaps you meant: --episodes {None}|INT" in line
     both = jenga("collect", "selection", "--bogus").line()
-    assert "missing from jenga collect selection: --episodes INT --out PATH; unrecognized options: --bogus" in both
+    assert "missing from jenga collect selection: --out PATH; unrecognized options: --bogus" in both
 
 
 def test_an_unknown_choice_is_told_the_allowed_ones():
@@ -74,9 +76,9 @@ def test_an_extraction_has_one_body(tmp_path):
 def test_short_options_make_the_recipe_of_the_long_one(options, body, tmp_path, monkeypatch):
     recipes = []
 
-    def collect(config, seed, episodes, workers, out) -> CollectSummary:
+    def collect(config, seed, numbers, workers, out, timeout) -> CollectSummary:
         recipes.append(recipe(config))
-        return CollectSummary(episodes, {}, {}, 0, 0.0, str(out))
+        return CollectSummary(len(numbers), {}, {}, 0, 0.0, str(out))
 
     monkeypatch.setattr("jenga_data.collect.workers.collect", collect)
     ran = jenga("collect", "extraction", *options, "--episodes", 1, "--out", tmp_path / "out")
@@ -105,7 +107,9 @@ def test_rounds_are_those_of_the_paper(rounds, tmp_path):
     [
         (("--seed", 900_000), "seed is 900000; allowed: 0 to 899999"),
         (("--seed", -1), "seed is -1; allowed: 0 to 899999"),
-        (("--episodes", 0), "both must be at least 1"),
+        (("--episodes", 0), "--episodes is 0; allowed: 1 and more"),
+        (("--numbers", "1-3"), "which episodes? allowed: one of --episodes N, --numbers 5,7,10-20 and --of DATASET"),
+        (("--of", "none@1.0.0"), "which episodes? allowed: one of"),
         (("--workers", 0), "both must be at least 1"),
         (("--speed", 0), "must be positive"),
         (("--physics.timestep-ns", 3), "allowed: a divisor of 4000000"),

@@ -181,7 +181,7 @@ def test_the_same_seed_number_and_controller_give_the_same_bytes(controller, log
         from jenga_models.checkpoint import load
 
         own = replace(own, model=model, model_hash=load(model).hash)
-    run_episodes(own, own.config, SEED_LIMIT, 1, 2, tmp_path, own.actor)
+    run_episodes(own, own.config, SEED_LIMIT, range(1), 2, tmp_path, own.actor)
     (again,) = tmp_path.glob("*.mcap")
     assert again.name == logs[controller].name
     assert again.read_bytes() == logs[controller].read_bytes()

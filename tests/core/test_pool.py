@@ -12,16 +12,36 @@ from pathlib import Path
 import pytest
 
 from jenga_data.errors import JengaError
-from jenga_data.pool import BrokenProcessPool, run_all
+from jenga_data.pool import Lost, run_all
 
 
 def process_of(item: int) -> tuple[int, int]:
     return item**2, os.getpid()
 
 
-def dies_at_three(item: int) -> int:
+def process_that_dies_at_three(item: int) -> int:
     if item == 3:
         os._exit(9)
+    return os.getpid()
+
+
+def dies_once(marker: Path) -> str:
+    """The file says that this was tried before."""
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return "done"
+
+
+def hangs_until_tried_again(marker: Path) -> str:
+    if not marker.exists():
+        marker.touch()
+        os.kill(os.getpid(), signal.SIGSTOP)  # hears nothing but SIGKILL, and no thread of it runs
+    return "done"
+
+
+def hangs(item: int) -> int:
+    time.sleep(60.0)
     return item
 
 
@@ -33,6 +53,11 @@ def refuses_three(item: int) -> int:
 
 def lingers(item: int) -> int:
     time.sleep(60.0 if item else 0.0)
+    return item
+
+
+def kills_itself(item: int) -> int:
+    os.kill(os.getpid(), signal.SIGKILL)
     return item
 
 
@@ -58,8 +83,9 @@ def nothing_is_left() -> bool:
 def test_every_item_comes_once_with_what_was_made_of_it(workers: int):
     found = list(run_all(process_of, range(7), workers))
     assert sorted(item for item, _ in found) == list(range(7))
-    assert all(square == item**2 for item, (square, _) in found)
-    assert (os.getpid() in {pid for _, (_, pid) in found}) == (workers == 1)
+    made = {item: made for item, made in found if not isinstance(made, Lost)}
+    assert {item: square for item, (square, _) in made.items()} == {item: item**2 for item in range(7)}
+    assert (os.getpid() in {pid for _, pid in made.values()}) == (workers == 1)
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -74,18 +100,50 @@ def test_one_worker_works_only_when_it_is_asked():
     assert drawn == [0]
 
 
-def test_two_workers_have_at_most_two_items_each_in_the_queue():
+def test_two_workers_have_one_item_each():
+    """So that nobody waits behind one that hangs."""
     drawn: list[int] = []
     working = run_all(process_of, counted(100, drawn), 2)
     assert isinstance(working, Generator)
     next(working)
-    assert len(drawn) == 4
+    assert len(drawn) == 2
     working.close()
 
 
-def test_a_worker_that_dies_is_told():
-    with pytest.raises(BrokenProcessPool):
-        list(run_all(dies_at_three, range(20), 2))
+def test_a_worker_that_dies_costs_only_what_it_was_at():
+    found = dict(run_all(process_that_dies_at_three, range(20), 2))
+    assert sorted(found) == list(range(20))
+    lost = found.pop(3)
+    assert isinstance(lost, Lost)
+    assert [failure.reason for failure in lost.tries] == ["its worker process died (exit code 9)"] * 2
+    # Two to begin with, one for the first of them that died; the second death is the end.
+    assert len(set(found.values())) == 3
+    assert nothing_is_left()
+
+
+def test_a_death_that_does_not_come_again_costs_nothing(tmp_path: Path):
+    markers = [tmp_path / str(i) for i in range(3)]
+    assert sorted(run_all(dies_once, markers, 2)) == [(marker, "done") for marker in markers]
+
+
+def test_a_death_by_a_signal_is_told_with_its_name(tmp_path: Path):
+    ((_, lost),) = run_all(kills_itself, [0], 2)
+    assert isinstance(lost, Lost)
+    assert {f.reason for f in lost.tries} == {"its worker process died (SIGKILL: out of memory, or killed)"}
+
+
+def test_a_worker_that_hangs_is_ended_and_replaced(tmp_path: Path):
+    """A worker has to start within the timeout, also on a machine that does much else."""
+    markers = [tmp_path / str(i) for i in range(2)]
+    assert sorted(run_all(hangs_until_tried_again, markers, 2, timeout=15.0)) == [(m, "done") for m in markers]
+    assert nothing_is_left()
+
+
+def test_what_hangs_twice_is_given_up():
+    ((_, lost),) = run_all(hangs, [1], 2, timeout=0.5)
+    assert isinstance(lost, Lost)
+    assert [failure.reason for failure in lost.tries] == ["no end after 0.5 s"] * 2
+    assert all(failure.seconds >= 0.5 for failure in lost.tries)
     assert nothing_is_left()
 
 
@@ -108,6 +166,7 @@ def test_who_stops_early_does_not_wait_for_work_that_goes_on():
 
 def test_workers_are_deaf_to_ctrl_c_and_the_parent_is_not():
     ((_, blocked),) = run_all(blocked_signals, [0], 2)
+    assert isinstance(blocked, list)
     assert signal.SIGINT in blocked
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
@@ -150,6 +209,8 @@ def test_workers_end_with_their_parent_however_it_ends(tmp_path: Path, how: sign
             time.sleep(0.05)
         workers = [int(path.name) for path in folder.iterdir()]
         assert len(workers) == 2
+        if sys.platform == "linux":  # where the system itself ends a worker that can do nothing
+            os.kill(workers[0], signal.SIGSTOP)
         parent.send_signal(how)
         parent.wait(10.0)
         while any(map(is_alive, workers)) and time.monotonic() < end:

@@ -1,12 +1,15 @@
 """Synthetic logs of a tower of two levels: no simulator, a few milliseconds an episode."""
 
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from jenga_data.blocks import sample_blocks
@@ -16,6 +19,7 @@ from jenga_data.dataset.rows import Ragged
 from jenga_data.dataset.schema import COLUMNS, EPISODE_COLUMNS, EPISODES, arrow_schema
 from jenga_data.dataset.staging import file_entry
 from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
+from jenga_data.dataset.verify import verify
 from jenga_data.episode import (
     CONTROL_STEP_NS,
     LEFT_FINGER,
@@ -117,6 +121,67 @@ def write_log(episode: Episode, folder: Path) -> Path:
         if episode.result is not None:
             log.finish(episode.result)
     return path
+
+
+def all_rows(folder: Path) -> pa.Table:
+    """Every row of a dataset, by episode and frame, in whatever files they lie."""
+    tables = [pq.read_table(path) for path in sorted((folder / "data").iterdir())]
+    return pa.concat_tables(tables).sort_by([("episode", "ascending"), ("frame", "ascending")])
+
+
+def passes(folder: Path) -> bool:
+    """Whether a dataset keeps what it promises; what fails is shown."""
+    failed = {name: check.detail for name, check in verify(folder).checks.items() if not check.ok}
+    assert failed == {}
+    return True
+
+
+@pytest.fixture(scope="session")
+def rows_in() -> Callable[[Path], pa.Table]:
+    return all_rows
+
+
+@pytest.fixture(scope="session")
+def whole() -> Callable[[Path], bool]:
+    return passes
+
+
+@pytest.fixture(scope="session")
+def stored_logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Logs that were written once and are asked for by many tests."""
+    return tmp_path_factory.mktemp("stored_logs")
+
+
+@pytest.fixture
+def logs_of(tmp_path: Path, stored_logs: Path) -> Callable[..., Path]:
+    """A folder NAME-logs with the logs of some numbers; those in `invalid` have broken physics."""
+
+    def make(name: str, numbers: Iterable[int], kind: str = "selection", invalid: Collection[int] = ()) -> Path:
+        folder = tmp_path / f"{name}-logs"
+        folder.mkdir(exist_ok=True)
+        for number in numbers:
+            broken = number in invalid
+            store = stored_logs / str(broken)
+            log = store / f"{kind}-{number:04d}.mcap"
+            if not log.exists():
+                write_log(make_episode(kind, number, Outcome.INVALID if broken else None), store)
+            shutil.copy(log, folder)
+        return folder
+
+    return make
+
+
+@pytest.fixture
+def made(tmp_path: Path, logs_of: Callable[..., Path]) -> Callable[..., Path]:
+    """A dataset NAME@1.0.0 of the logs that `logs_of` puts into NAME-logs, and of those that are there already."""
+
+    def make(
+        name: str, numbers: Iterable[int], kind: str = "selection", invalid: Collection[int] = (), **options: Any
+    ) -> Path:
+        convert([logs_of(name, numbers, kind, invalid)], tmp_path / name, name, "1.0.0", **options)
+        return tmp_path / name
+
+    return make
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,7 @@
 import logging
 import shutil
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from jenga_data.dataset.convert import convert
 from jenga_data.dataset.manifest import load_manifest
 from jenga_data.dataset.read import open_dataset
 from jenga_data.dataset.shards import EPISODES_A_SHARD
+from jenga_data.dataset.sources import read_sources
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.outcome import Outcome
 
@@ -176,7 +179,7 @@ def test_an_interruption_leaves_nothing_behind(selection_logs, tmp_path, monkeyp
     def interrupted(*_: object) -> None:
         raise error
 
-    monkeypatch.setattr("jenga_data.dataset.convert.file_entry", interrupted)
+    monkeypatch.setattr("jenga_data.dataset.write.file_entry", interrupted)
     with pytest.raises((KeyboardInterrupt, JengaError)) as caught:
         convert([selection_logs], tmp_path / "out", "a", "1.0.0")
     assert list(tmp_path.iterdir()) == []
@@ -189,3 +192,69 @@ def test_a_folder_that_appears_meanwhile_is_not_overwritten(tmp_path):
     with pytest.raises(JengaError, match="exists"), staging.new_folder(tmp_path / "out"):
         (tmp_path / "out").mkdir()
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("kind", ["selection", "extraction"])
+def test_the_number_of_workers_changes_nothing(logs_of, tmp_path, kind):
+    """Four files, more logs than one worker looks at at a time, in two orders."""
+    folders = [logs_of(f"part{start}", range(start, start + 3), kind) for start in (0, 128, 256, 384)]
+    convert(folders, tmp_path / "one", "a", "1.0.0", workers=1)
+    convert(folders[::-1], tmp_path / "three", "a", "1.0.0", workers=3)
+    assert len(list((tmp_path / "one" / "data").iterdir())) == 4
+    assert content(tmp_path / "one") == content(tmp_path / "three")
+
+
+def test_headers_are_the_same_whoever_reads_them(logs_of, tmp_path, monkeypatch):
+    logs = [logs_of("some", range(7)), logs_of("copies", range(3, 9))]
+    alone = read_sources(logs)
+    monkeypatch.setattr("jenga_data.dataset.sources._LOGS_A_TASK", 2)
+    assert read_sources(logs, workers=2) == alone
+    assert len(alone.logs) == 9
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_a_damaged_log_is_named_by_any_worker(logs_of, tmp_path, workers):
+    folders = [logs_of("whole", range(3)), logs_of("damaged", range(128, 131))]
+    path = folders[1] / "selection-0129.mcap"
+    data = bytearray(path.read_bytes())
+    at = data.find(b"zstd", len(data) // 4) + 40
+    data[at] ^= 1
+    path.write_bytes(data)
+    with pytest.raises(CheckFailed, match=r"selection-0129\.mcap.*jenga log (recover|doctor)"):
+        convert(folders, tmp_path / "out", "a", "1.0.0", workers=workers)
+    assert not (tmp_path / "out").exists()
+    assert not list(tmp_path.glob(".*.partial"))
+
+
+def test_no_workers_are_refused(selection_logs, tmp_path):
+    with pytest.raises(JengaError, match="workers is 0; allowed: 1 or more"):
+        convert([selection_logs], tmp_path / "out", "a", "1.0.0", workers=0)
+
+
+MEGABYTES_AN_EPISODE = 4
+PEAK = """
+import resource, sys
+from pathlib import Path
+from jenga_data.dataset.convert import convert
+
+convert([Path(sys.argv[1])], Path(sys.argv[2]), "a", "1.0.0")
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+"""
+
+
+def peak_megabytes(logs: Path, out: Path) -> float:
+    """Most memory that a process which converts these logs has held."""
+    run = subprocess.run([sys.executable, "-c", PEAK, logs, out], capture_output=True, text=True, check=True)
+    return int(run.stdout) / 1024
+
+
+def test_memory_does_not_grow_with_the_number_of_logs(episode_of, write, tmp_path):
+    """Of 300 logs whose episodes would fill 1.2 GB, against 10 of them."""
+    for number in range(300):
+        episode = episode_of("selection", number)
+        state = np.full((len(episode.pose), MEGABYTES_AN_EPISODE * 2**20 // 8 // len(episode.pose)), float(number))
+        write(replace(episode, sim_state=state), tmp_path / "logs" / ("few" if number < 10 else "many"))
+    few = peak_megabytes(tmp_path / "logs" / "few", tmp_path / "few")
+    many = peak_megabytes(tmp_path / "logs", tmp_path / "many")
+    assert many - few < 20 * MEGABYTES_AN_EPISODE
+    assert many < 1024

@@ -1,3 +1,4 @@
+import os
 from typing import Any
 
 import msgspec
@@ -54,12 +55,12 @@ def test_what_is_no_manifest_is_refused(tmp_path, content):
     assert "no valid manifest" in refusal(tmp_path, content)
 
 
-@pytest.mark.parametrize("version", ["2.0.0", "0.9.0", "1.1.0", "10.0.0"])
+@pytest.mark.parametrize("version", ["2.0.0", "0.9.0", "1.2.0", "10.0.0"])
 def test_another_format_is_refused_with_the_way_out(tmp_path, raw, version):
     message = refusal(tmp_path, msgspec.json.encode(raw | {"format_version": version}))
     assert version in message
-    assert ("jenga convert" if version == "0.9.0" else "update jenga") in message
-    assert FORMAT_VERSION == "1.0.0"
+    assert ("jenga dataset migrate" if version == "0.9.0" else "update jenga") in message
+    assert FORMAT_VERSION == "1.1.0"
 
 
 @pytest.mark.parametrize("field", ["name", "kind", "files", "splits", "counts", "provenance", "licence", "citation"])
@@ -128,3 +129,20 @@ def test_a_file_is_listed_once_and_the_needed_ones_are(tmp_path, selection):
     assert "twice" in refusal(tmp_path, with_path(manifest, manifest.files[0].path))
     without = msgspec.structs.replace(manifest, files=[f for f in manifest.files if f.path.startswith("data/")])
     assert "lists no episodes.parquet" in refusal(tmp_path, canonical_bytes(sealed(without)))
+
+
+# --- from elsewhere ------------------------------------------------------------------------------------------------
+
+
+def test_a_format_version_of_thousands_of_digits_is_refused(tmp_path):
+    """Python reads no number of more than 4,300 digits."""
+    (tmp_path / MANIFEST).write_text('{"format_version": "1.' + "9" * 5000 + '.0"}')
+    with pytest.raises(JengaError, match="is no valid manifest"):
+        load_manifest(tmp_path)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
+def test_a_manifest_that_is_a_pipe_is_refused_and_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / MANIFEST)
+    with pytest.raises(JengaError, match="is no regular file"):
+        load_manifest(tmp_path)

@@ -124,6 +124,12 @@ def lifted(pose):
     return pose
 
 
+def nudged(values):
+    """The first number of the first row a little larger."""
+    values.reshape(-1)[0] += 1e-6
+    return values
+
+
 @pytest.mark.parametrize(
     ("columns", "check", "message"),
     [
@@ -142,6 +148,10 @@ def lifted(pose):
         ({"target_clear": put(True)}, "episodes", "target_clear does not follow"),
         ({"action": scaled(2)}, "statistics", "of action is not that of the training rows"),
         ({"tower": put("else")}, "splits", ""),
+        ({"slot": lambda v: np.ones_like(v)}, "ranges", "rows have two blocks in one slot"),
+        ({"next_pose": nudged}, "frames", "1 rows do not begin with the next_pose of the row before"),
+        ({"next_twist": nudged}, "frames", "1 rows do not begin with the next_twist of the row before"),
+        ({"frame": lambda v: v + 1}, "episodes", "a row's frame lies beyond the end of its episode"),
     ],
 )
 def test_rows_that_were_forged_are_found(dynamics, forge, columns, check, message):
@@ -154,7 +164,34 @@ def test_rows_that_were_forged_are_found(dynamics, forge, columns, check, messag
         ({"failure": lambda values: np.r_[~values[:1], values[1:]]}, "failure or strict_failure does not follow"),
         ({"rows": scaled(2)}, "not as many rows"),
         ({"episode": lambda values: np.repeat(values[:1], len(values))}, "in the table twice"),
+        ({"moved": lambda values: -values}, "moved is negative"),
+        ({"moved": put(np.inf)}, "moved is negative or not finite"),
+        ({"control_step_ns": scaled(0)}, "control_step_ns is not positive"),
+        ({"clear_frame": put(5)}, "clear_frame lies beyond the end of its episode"),
     ],
 )
 def test_episodes_that_were_forged_are_found(dynamics, forge, columns, message):
     assert message in failed(forge(dynamics, EPISODES, **columns))["episodes"]
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        ({"number": put(10**6)}, "1 episodes are of no recipe"),
+        ({"seed": scaled(2)}, "episodes are of no recipe, first extraction-0000"),
+        ({"checkpoint": lambda values: np.full(len(values), "abc")}, "episodes are of no recipe"),
+        ({"log_sha256": put("0")}, "1 logs have no SHA-256"),
+    ],
+)
+def test_episodes_of_no_recipe_are_found(dynamics, forge, columns, message):
+    assert message in failed(forge(dynamics, EPISODES, **columns))["provenance"]
+
+
+def test_a_config_that_was_changed_or_left_out_is_found(selection, tmp_path):
+    provenance = load_manifest(selection).provenance
+    (name,) = provenance.configs
+    for number, (configs, message) in enumerate(
+        (({name: {"rounds": [1, 2]}}, f"config '{name}' has another hash"), ({}, "use 1 configs that are not there"))
+    ):
+        changed = msgspec.structs.replace(provenance, configs=configs)
+        assert message in failed(reseal(selection, tmp_path / str(number), provenance=changed))["provenance"]

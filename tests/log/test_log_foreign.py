@@ -1,5 +1,6 @@
 """Files by another writer: the mcap library and what protoc makes of the .proto, nothing of this package."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -15,6 +16,7 @@ from jenga_data.log.report import doctor
 from jenga_data.outcome import Outcome
 
 ROOT = Path(__file__).parents[2]
+HERE = {"PYTHONPATH": os.pathsep.join([str(ROOT), *sys.path])}
 METADATA = {
     "version": "1.0",
     "key": "lab-42",
@@ -30,6 +32,7 @@ KINDS = {
     "/tower/contacts": "Contacts",
     "/sim/state": "SimState",
     "/action": "Action",
+    "/gripper": "Gripper",
     "/phase": "Phase",
     "/outcome": "Outcome",
 }
@@ -136,6 +139,46 @@ def test_any_writers_file_is_read(build, options, order):
 
 def test_doctor_finds_nothing_wrong_with_it(build):
     assert doctor(build(messages())).problems == []
+
+
+WITHOUT_MUJOCO = """
+import sys
+for name in ("mujoco", "mink"):
+    sys.modules[name] = None  # importing it fails
+import cli
+sys.exit(cli.run(sys.argv[1:]))
+"""
+
+
+def without_mujoco(*args: object) -> str:
+    """What a command prints where the simulator cannot be imported."""
+    command = [sys.executable, "-c", WITHOUT_MUJOCO, *map(str, args)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, env=os.environ | HERE)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_a_folder_of_such_logs_makes_a_dataset_without_mujoco(build, tmp_path):
+    """A lab's own robot, here with forces at its fingertips and contacts, from the first byte to a checked dataset."""
+    logs = tmp_path / "logs"
+    logs.mkdir()
+    steps = [START + i * 32_000_000 for i in range(3)]
+    forces = {"pose": [0, 0, 0, 1, 0, 0, 0], "width": 0.025, "left_force": [0, 1, 2], "right_force": [0, -1, 2]}
+    contacts = {"first": [0, 1, 2], "second": [-1, -1, -1], "force": [0, 0, 0.2] * 3}
+    for number in range(8):
+        content = [(topic, time, TOWER | {"mass": [0.02, 0.02, 0.02 + 0.001 * number]} if topic == "/tower" else fields)
+                   for topic, time, fields in messages()]  # fmt: skip
+        content += [("/gripper", time, forces) for time in steps]
+        content += [("/tower/contacts", time, contacts | {"frame": frame}) for frame, time in enumerate(steps)]
+        own = METADATA | {"key": f"lab-{number}", "number": str(number)}
+        build(content, own).rename(logs / f"lab-{number}.mcap")
+    for path in sorted(logs.iterdir())[:1]:
+        assert "problems" not in without_mujoco("log", "doctor", path)
+    out = tmp_path / "dataset"
+    said = without_mujoco("convert", logs, "--name", "lab", "--version", "1.0.0", "--out", out)
+    assert "lab@1.0.0" in said
+    assert "rows: 16" in said  # two actions an episode
+    without_mujoco("dataset", "verify", out)
 
 
 @pytest.mark.parametrize(

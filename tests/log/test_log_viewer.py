@@ -3,8 +3,10 @@
 import os
 import subprocess
 import sys
+from pathlib import Path
 from xml.etree import ElementTree
 
+import matplotlib.image
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
@@ -14,6 +16,7 @@ from synthetic_log import make_script, write
 from jenga_data.geometry import rotation_matrices
 from jenga_data.log.urdf import ghost_urdf, gripper_urdf, tower_urdf, wood
 from jenga_data.log.viewer import Transforms, gripper_poses
+from jenga_data.replay.rerun_adapter import screenshot
 
 
 def messages(path, topic):
@@ -97,6 +100,32 @@ def test_description_is_a_ros2_string(log):
     assert len(data) == 8 + length
     assert data[-1:] == b"\0"
     assert len(links(data[8:-1].decode())) == 7
+
+
+def vulkan_drivers() -> list[Path]:
+    named = os.environ.get("VK_DRIVER_FILES") or os.environ.get("VK_ICD_FILENAMES")
+    if named:
+        return [Path(p) for p in named.split(os.pathsep) if Path(p).exists()]
+    return [
+        p for folder in ("/usr/share", "/etc", "/usr/local/share") for p in Path(folder).glob("vulkan/icd.d/*.json")
+    ]
+
+
+@pytest.mark.skipif(not vulkan_drivers(), reason="no Vulkan driver (Debian: apt-get install mesa-vulkan-drivers)")
+def test_stock_rerun_shows_the_tower_and_its_target_on_the_way_out(tmp_path):
+    """The viewer opens the log itself: no plugin, no blueprint, nothing of this package."""
+    script = make_script(frames=60, blocks=54, gripper=False)
+    path = write(tmp_path / "e.mcap", script)
+    column = []
+    for at in (0.0, script.frames[-1].time_ns * 1e-9):
+        screenshot(path, tmp_path / "shown.png", at, window=(1280, 800))
+        picture = matplotlib.image.imread(tmp_path / "shown.png")[60:590, 200:940, :3]  # where rerun puts its views
+        red, green, blue = np.moveaxis(picture, 2, 0)
+        assert ((red > 0.5) & (red - blue > 0.15) & (green > blue)).mean() > 0.002  # wood
+        target = np.argwhere((blue > 0.5) & (blue - red > 0.3))
+        assert len(target) > 10
+        column.append(target[:, 1].mean())
+    assert abs(column[1] - column[0]) > 5  # it was pulled
 
 
 def test_stock_rerun_draws_tower_and_gripper(log, tmp_path):

@@ -12,9 +12,10 @@ from torch_geometric.data import Data
 from jenga_data.graph_spec import GRAPHS
 from jenga_models.columns import Towers
 from jenga_models.config import Flow
-from jenga_models.data import GraphData
+from jenga_models.data import Batches, GraphData
 from jenga_models.features import Featurizer
 from jenga_models.normalisation import Normalisation
+from jenga_models.ready import ReadyStore
 from jenga_models.store import EpochOrder, GraphStore
 
 SPEC = GRAPHS["G_e"]
@@ -66,6 +67,40 @@ def test_the_flow_turns_edges_round(dynamics_data: FakeDataset, flow: Flow):
     }
     assert set(direction) == (turned if flow == "up" else pairs | turned)
     assert all(sign == (1 if edge in pairs else -1) for edge, sign in direction.items())
+
+
+@pytest.mark.parametrize("flow", ["down", "up", "both"])
+@pytest.mark.parametrize("attributes", [False, True])
+def test_gathering_what_is_ready_gives_what_computing_it_gives(
+    dynamics_data: FakeDataset, flow: Flow, attributes: bool, rng: np.random.Generator
+):
+    store, rows = store_of(dynamics_data), torch.tensor([7, 3, 3, 40])
+    scaled = Normalisation.none(SPEC.node_width, 7 * attributes)
+    values = {
+        name: torch.from_numpy(rng.uniform(0.5, 2, part.shape).astype(np.float32))
+        for name, part in vars(scaled).items()
+    }
+    scaled = Normalisation(**values)
+    seen = Featurizer(SPEC, flow, attributes, scaled)
+    computed, gathered = store.batch(seen, rows), ReadyStore.of(store, seen).batch(rows)
+    for name, part in vars(computed).items():
+        other = getattr(gathered, name)
+        assert part is other is None or torch.equal(part, other), name
+
+
+def test_a_run_resumed_in_mid_epoch_sees_what_an_uninterrupted_one_sees(dynamics_data: FakeDataset):
+    store, rows = store_of(dynamics_data), dynamics_data.rows("train")
+
+    def batches() -> Batches:
+        return Batches(store, featurizer(), store.node[..., :1])
+
+    whole = [batches()[chosen] for chosen in EpochOrder(rows, 8, seed=2).batches(5)]
+    resumed = [batches()[chosen] for chosen in EpochOrder(rows, 8, seed=2).batches(5, position=4)]
+    assert len(resumed) == len(whole) - 4 > 2
+    for a, b in zip(whole[4:], resumed, strict=True):
+        assert torch.equal(a.wanted, b.wanted)
+        assert torch.equal(a.graphs.node, b.graphs.node)
+        assert torch.equal(a.graphs.edge_index, b.graphs.edge_index)
 
 
 def test_spread_mean_and_target_of_a_flat_batch_are_those_of_each_graph(dynamics_data: FakeDataset):

@@ -6,6 +6,7 @@ from made_up_episode import TARGET, make_episode, make_prediction, random_quater
 
 from jenga_data import palette
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, TABLE, Episode
+from jenga_data.errors import JengaError
 from jenga_data.geometry import rotation_matrices
 from jenga_data.replay import hand
 from jenga_data.replay.contact_points import contact_points, graph_nodes
@@ -14,6 +15,7 @@ from jenga_data.replay.measures import (
     largest_displacement_of_others,
     metres_per_newton,
     model_labels,
+    moment,
     phase_name,
     position_error,
     round_scale,
@@ -134,3 +136,27 @@ def test_signal_colours_differ_in_brightness_from_wood_for_every_eye() -> None:
     tones = luminance(palette.wood(np.arange(18).repeat(3)))
     assert tones.min() > 2 * luminance(np.array(palette.TARGET))
     np.testing.assert_array_equal(palette.wood(np.arange(6)), palette.wood(np.arange(6)))
+
+
+def test_a_moment_is_a_time_or_that_of_a_frame(episode: Episode) -> None:
+    since = (episode.time_ns - episode.time_ns[0]) * 1e-9
+    assert moment(episode, None, None) == 0
+    assert moment(episode, 1.5, None) == 1.5
+    for frame in (0, 7, len(since) - 1):
+        assert moment(episode, None, frame) == pytest.approx(since[frame])
+
+
+@pytest.mark.parametrize(
+    ("time", "frame", "says"),
+    [
+        (1.0, 2, "--time and --frame exclude each other"),
+        (None, -1, "--frame is -1; episode .* has frames 0 to "),
+        (None, 10_000, "--frame is 10000; episode .* has frames 0 to "),
+        (-0.1, None, "--time is -0.1; episode .* goes from 0 to "),
+        (float("nan"), None, "--time is nan"),
+        (1e9, None, "--time is 1000000000.0"),
+    ],
+)
+def test_a_moment_that_an_episode_does_not_have_is_refused(episode: Episode, time, frame, says) -> None:
+    with pytest.raises(JengaError, match=says):
+        moment(episode, time, frame)

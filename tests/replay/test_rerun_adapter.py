@@ -11,10 +11,12 @@ import numpy as np
 import pytest
 from made_up_episode import TARGET, make_episode, make_prediction
 from rerun.chunk import Chunk, RrdReader
+from rerun.experimental import ViewerClient
 
 from jenga_data import palette
 from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
+from jenga_data.replay import rerun_adapter, viewer
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.rerun_adapter import FRAME, TIME, screenshot, write_rrd
 from jenga_data.replay.viewer import headless_viewer
@@ -195,7 +197,42 @@ def vulkan_drivers() -> list[Path]:
     ]
 
 
-@pytest.mark.skipif(not vulkan_drivers(), reason="no Vulkan driver (Debian: apt-get install mesa-vulkan-drivers)")
+needs_vulkan = pytest.mark.skipif(
+    not vulkan_drivers(), reason="no Vulkan driver (Debian: apt-get install mesa-vulkan-drivers)"
+)
+
+
+@needs_vulkan
+def test_a_viewer_opens_at_the_moment_that_was_asked_for(
+    episode: Episode, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The window itself is left out, for there is no screen."""
+    urls, processes = [], []
+    start, opened = viewer._start, viewer.open_steerable_viewer
+    monkeypatch.setattr(viewer, "_start", lambda args: processes.append(start(["--headless", *args])) or processes[-1])
+    monkeypatch.setattr(rerun_adapter, "open_steerable_viewer", lambda path: urls.append(opened(path)) or urls[-1])
+    write_rrd(episode, [], tmp_path / "a.rrd")
+    try:
+        rerun_adapter.open_at(tmp_path / "a.rrd", 1.28)
+        client = ViewerClient.connect(urls[0])
+        deadline = time.monotonic() + 20
+        while (state := client.get_state().recordings[0]).current_time != 1_280_000_000:
+            assert time.monotonic() < deadline, state
+            time.sleep(0.1)
+        assert state.current_timeline == TIME
+    finally:
+        for process in processes:
+            process.terminate()
+            process.wait()
+
+
+def test_a_viewer_that_does_not_start_is_one_clear_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(viewer, "_viewer_command", lambda _: ["false"])
+    with pytest.raises(JengaError, match="rerun's viewer did not start, which needs a screen"):
+        viewer.open_steerable_viewer(tmp_path / "a.rrd")
+
+
+@needs_vulkan
 def test_a_viewer_without_a_window_draws_the_tower_with_its_target(
     episode: Episode, predictions: list[Prediction], tmp_path: Path
 ) -> None:

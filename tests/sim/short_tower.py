@@ -1,12 +1,8 @@
 """Towers of a few levels: the same code as for 18 of them, in a fiftieth of the time."""
 
-from functools import partial
-from unittest.mock import patch
-
 import numpy as np
+from short_towers import short_towers
 
-from jenga_data.blocks import sample_blocks
-from jenga_data.collect import spawn
 from jenga_data.collect.config import CollectConfig, ExtractionConfig, SelectionConfig, SpawnConfig
 from jenga_data.collect.rollout import OpenLog
 from jenga_data.collect.spawn import GrownTower, grow_tower
@@ -23,11 +19,6 @@ SPAWN = SpawnConfig(first_round=1, last_round=2, stand=0.32)
 SELECTION = SelectionConfig(spawn=SPAWN)
 EXTRACTION = ExtractionConfig(body="gripper", spawn=SPAWN)
 """Without an arm, which is quick."""
-
-
-def short_towers(levels: int = LEVELS):
-    """While this holds, a tower is spawned with so many levels; a context manager."""
-    return patch.object(spawn, "sample_blocks", partial(sample_blocks, count=3 * levels))
 
 
 def run_short(config: CollectConfig, seed: int, number: int, open_log: OpenLog) -> Result:

@@ -12,8 +12,8 @@ from short_tower import short_towers
 import cli
 from jenga_data.bench.robot import bench_robot, is_loose, robot_case
 from jenga_data.calibrate.run import Run
+from jenga_data.collect.causes import CAUSES
 from jenga_data.collect.config import ExtractionConfig
-from jenga_data.collect.skills import CAUSES
 from jenga_data.collect.stage import set_stage
 
 KEYS = {

@@ -19,7 +19,7 @@ CONFIG = SelectionConfig(pull_seconds=0.064, spawn=SpawnConfig(last_round=2, sta
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     out: Path = tmp_path_factory.mktemp("full") / "out"
-    assert collect(CONFIG, seed=3, episodes=1, workers=1, out=out).episodes == 1
+    assert collect(CONFIG, seed=3, numbers=range(1), workers=1, out=out).episodes == 1
     return read_episode(next(out.glob("*.mcap")))
 
 

@@ -12,9 +12,10 @@ import pytest
 from robot_stage import CONFIG, RobotKept, Workplace, put, workplace
 from short_tower import short_towers
 
+from jenga_data.collect.causes import CAUSES, Failure
 from jenga_data.collect.extraction import Pull
 from jenga_data.collect.robot_extraction import run_with_robot
-from jenga_data.collect.skills import CAUSES, Failure, Skills
+from jenga_data.collect.skills import Skills
 from jenga_data.collect.stage import set_stage
 from jenga_data.errors import UnreachableError
 from jenga_data.sim.robot import STICK_PLACE, STICK_REACH
@@ -218,6 +219,27 @@ def test_a_block_that_sticks_out_is_grasped_alone():
     assert place.skills.holds()
     assert [phase.name for phase in place.log.phases] == ["approach", "grasp"]
     assert place.skills.sticks_out() == pytest.approx(0.02, abs=0.002)
+
+
+@pytest.mark.parametrize("out", [0.012, 0.02])
+def test_the_fingertips_stay_clear_of_the_tower_behind_the_end_they_grasp(out):
+    place = ready_to_grasp(out)
+    face = (
+        place.skills.sticks_out()
+        + place.world.pose[place.recording.target, 0]
+        - place.world.blocks.size[place.recording.target, 0] / 2
+    )
+    place.skills.grasp()
+    front = place.robot.arm.position[0] + CONFIG.gripper.pad[0] / 2
+    assert 0.0015 < face - front < out / 2
+    assert place.skills.holds()
+
+
+def test_a_target_that_tipped_out_of_its_level_sticks_out_of_nothing_and_is_no_error():
+    place = ready_to_grasp()
+    put(place.world, f"block_{place.recording.target}", (-0.3, 0.3, 0.5))
+    place.skills.hold()
+    assert place.skills.sticks_out() == pytest.approx(CONFIG.robot.push_distance)
 
 
 def test_a_target_that_is_gone_is_missed():

@@ -1,0 +1,55 @@
+"""`jenga bench convert` on synthetic logs, and the quick way to a log's rows beside the whole one."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jenga_data.dataset.rows import Ragged, rows_of
+from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.log.reader import read_episode, read_for_rows
+
+
+@pytest.mark.parametrize("kind", ["selection", "extraction"])
+def test_what_is_read_for_rows_gives_the_rows_of_the_whole_episode(kind, request):
+    for path in sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[:4]:
+        whole = read_episode(path)
+        part, frames = read_for_rows(path, first_frame=kind == "selection")
+        assert frames == len(whole.pose)
+        quick, slow = rows_of(part), rows_of(whole)
+        assert quick.keys() == slow.keys()
+        for name, values in slow.items():
+            other = quick[name]
+            if isinstance(values, Ragged):
+                assert isinstance(other, Ragged)
+                assert np.array_equal(values.offset, other.offset)
+                values, other = values.values, other.values
+            assert np.array_equal(values, np.asarray(other)), name
+
+
+@pytest.mark.parametrize("where", [0.3, 0.5, 0.7])
+def test_a_flipped_bit_in_what_no_row_needs_is_noticed(selection_logs: Path, tmp_path: Path, where: float):
+    data = bytearray(sorted(selection_logs.glob("*.mcap"))[0].read_bytes())
+    data[int(where * len(data))] ^= 1
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(data)
+    with pytest.raises(CheckFailed, match="is damaged at"):
+        read_for_rows(path, first_frame=True)
+
+
+@pytest.mark.parametrize("kind", ["selection", "extraction"])
+def test_both_sides_read_as_many_rows(kind, request):
+    from jenga_models.bench.convert import bench_convert
+
+    report = bench_convert([request.getfixturevalue(f"{kind}_logs")], rounds=1)
+    speed = report["convert"]
+    invalid = 4 if kind == "extraction" else 0  # theirs takes the episode whose physics broke for good
+    assert speed["objects"] == speed["rows"] + invalid
+    assert speed["ratio"] == pytest.approx(speed["value"] / speed["reference"])
+
+
+def test_rounds_are_at_least_one(selection_logs: Path):
+    from jenga_models.bench.convert import bench_convert
+
+    with pytest.raises(JengaError, match="rounds is 0; allowed: 1 and more"):
+        bench_convert([selection_logs], rounds=0)
