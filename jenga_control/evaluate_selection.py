@@ -108,8 +108,8 @@ def sides(dataset: Rows, more: Sequence[Rows], workers: int) -> tuple[Side, Side
     counts = [sum(len(rows) for _, rows in parts) for parts in (known, test)]
     if not all(counts):
         raise JengaError(
-            f"{dataset_name(dataset)} has {counts[0]} train and {counts[1]} test rows; it needs both: "
-            "collect more towers and convert them together"
+            f"{dataset_name(dataset)} has {counts[0]} train and validation rows and {counts[1]} test rows; "
+            "it needs both: collect more towers and convert them together"
         )
     held_out = np.unique(dataset.column("tower")[test[0][1]])
     for part, rows in known:

@@ -8,13 +8,13 @@ from jaxtyping import Int
 
 from jenga_control.baselines.suite import Side
 from jenga_control.selection_models import Family
-from jenga_data.dataset.read import Dataset
+from jenga_models.columns import Rows, dataset_name
 
 COUNT = 10
 
 
 def worst_mistakes(
-    dataset: Dataset,
+    dataset: Rows,
     rows: Int[np.ndarray, " row"],
     family: Family,
     test: Side,
@@ -31,7 +31,7 @@ def worst_mistakes(
     wrong_by = np.abs(probability - pulls.failure)
     worst = [i for i in np.argsort(-wrong_by, kind="stable") if family.prediction.said[i] != pulls.failure[i]][:count]
     target, level = dataset.column("target"), dataset.column("level")
-    episode = dataset.column("episode")
+    episode, where = dataset.column("episode"), getattr(dataset, "folder", dataset_name(dataset))
     return [
         {
             "row": int(rows[i]),
@@ -42,7 +42,7 @@ def worst_mistakes(
             "probability": float(probability[i]),
             "outcome": str(pulls.outcome[i]),
             "replay": f"jenga replay {logs or 'LOGS'}/{episode[rows[i]]}.mcap --model {family.members[0].path}",
-            "trace": f"jenga dataset trace {dataset.folder} {rows[i]}",
+            "trace": f"jenga dataset trace {where} {rows[i]}",
         }
         for i in worst
     ]

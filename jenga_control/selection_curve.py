@@ -18,7 +18,7 @@ DRAWS = 3
 
 def subsets(
     tower: Shaped[np.ndarray, " row"], sizes: Sequence[int] = SIZES, draws: int = DRAWS
-) -> list[tuple[int, Int[np.ndarray, " row"]]]:
+) -> list[tuple[int, Int[np.ndarray, " drawn"]]]:
     """Rows of so many towers, drawn without replacement, for each size below the number of towers, and all once."""
     towers = np.unique(tower)
     found = []

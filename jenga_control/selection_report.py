@@ -18,21 +18,20 @@ from jenga_control.selection_models import Family, families
 from jenga_control.selection_scores import grouped_scores, more_often_right, scores
 from jenga_control.selection_towers import shown_towers, towers_figure
 from jenga_control.tables import selection_report_tables
-from jenga_data.dataset.read import Dataset
 from jenga_data.graph_spec import GRAPHS
 from jenga_data.replay import style
 from jenga_data.report import number, write_report
-from jenga_models.columns import dataset_name
+from jenga_models.columns import Rows, dataset_name
 
 NAME = "selection"
 
 
 def report_selection(
     models: Sequence[Path],
-    dataset: Dataset,
+    dataset: Rows,
     out: Path,
     baselines: Which = "all",
-    more: Sequence[Dataset] = (),
+    more: Sequence[Rows] = (),
     ceiling: Path | None = None,
     logs: Path | None = None,
     workers: int = 1,
@@ -211,7 +210,7 @@ def curves(fitted: Sequence[Prediction], trained: Sequence[Family], train: Side,
 def _written(
     report: dict[str, Any],
     out: Path,
-    dataset: Dataset,
+    dataset: Rows,
     rows: np.ndarray,
     test: Side,
     found: Sequence[Prediction],

@@ -17,7 +17,7 @@ from jenga_data.sim.physics import PhysicsConfig
 from jenga_models.columns import Rows
 
 Table = list[dict[str, float]]
-Part = tuple[Rows, Int[np.ndarray, " row"]]
+Part = tuple[Rows, Int[np.ndarray, " _"]]
 """Some rows of one dataset."""
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,8 @@ class MadeUpDataset:
         self.episodes: Callable[[], dict[str, np.ndarray]] = dict
         self.manifest = SimpleNamespace(name="made-up", version="1.0.0", kind=kind, blocks=BLOCKS)
         self.columns, self.splits, self.asked = columns, splits, []
+        self.folder: Any = "made-up"
+        self.episodes: Any = None
 
     def __len__(self):
         return len(self.columns["target"])

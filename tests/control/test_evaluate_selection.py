@@ -194,5 +194,5 @@ def test_refuses_a_dataset_of_transitions_and_one_without_test_rows(tmp_path):
     with pytest.raises(JengaError, match="wanted: dynamics"):
         evaluate_selection(model, dynamics_dataset())
     dataset.splits = np.where(dataset.splits == "test", "train", dataset.splits)
-    with pytest.raises(JengaError, match="60 train and 0 test rows"):
+    with pytest.raises(JengaError, match="90 train and validation rows and 0 test rows"):
         evaluate_selection(model, dataset)
