@@ -1,7 +1,7 @@
 """What a collection run is: together with a seed and a number it decides an episode down to the last bit."""
 
 import hashlib
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import msgspec
@@ -156,7 +156,7 @@ SEED_LIMIT = 900_000
 
 def config_dict(config: CollectConfig) -> dict[str, Any]:
     """The configuration as plain JSON values, with its kind."""
-    return {"kind": config.kind, **msgspec.to_builtins(config)}
+    return {"kind": config.kind, **asdict(config)}  # msgspec would leave out what `config_from_dict` filled in
 
 
 def config_from_dict(values: dict[str, Any]) -> CollectConfig:
@@ -176,7 +176,7 @@ def config_from_dict(values: dict[str, Any]) -> CollectConfig:
         config = msgspec.convert(rest, kinds[kind])
     except msgspec.ValidationError as error:
         raise JengaError(f"this configuration cannot be read: {error}") from None
-    if unknown := _fields_beyond(msgspec.to_builtins(config), rest):
+    if unknown := _fields_beyond(asdict(config), rest):
         raise JengaError(f"this {kind} configuration has fields that this jenga does not know: {', '.join(unknown)}")
     return config
 

@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
-import msgspec
 import numpy as np
 
 from jenga_data.collect.config import CollectConfig, config_dict, config_from_dict
@@ -77,7 +76,7 @@ def later_fields(manifest: Manifest, config: str) -> list[str]:
         JengaError: as `config_of`.
     """
     recorded = manifest.provenance.configs.get(config, {})
-    return _lacking(msgspec.to_builtins(config_dict(config_of(manifest, Origin(config, 0, 0)))), recorded)
+    return _lacking(config_dict(config_of(manifest, Origin(config, 0, 0))), recorded)
 
 
 def _lacking(now: dict, then: dict) -> list[str]:

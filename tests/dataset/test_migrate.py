@@ -164,7 +164,7 @@ def test_damage_is_not_carried_over(old, tmp_path):
     data = bytearray(path.read_bytes())
     data[200] ^= 1
     path.write_bytes(data)
-    assert "has not the hash that its manifest says" in refusal(old, tmp_path / "new", CheckFailed)
+    assert "is not what its manifest says" in refusal(old, tmp_path / "new", CheckFailed)
     manifest = (old / MANIFEST).read_bytes()
     (old / MANIFEST).write_bytes(manifest.replace(b"CC-BY-4.0", b"CC-BY-9.0"))
     assert "does not match its own hash" in refusal(old, tmp_path / "new", CheckFailed)
