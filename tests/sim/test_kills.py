@@ -50,7 +50,8 @@ def collecting(out: Path) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def workers_of(parent: int) -> list[int]:
-    listed = subprocess.run(["ps", "-A", "-o", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    every = ["ps", "-ww", "-A", "-o", "pid=,ppid=,args="]  # -ww: $COLUMNS would cut the arguments off
+    listed = subprocess.run(every, capture_output=True, text=True, check=True).stdout
     rows = [line.split(None, 2) for line in listed.splitlines()]
     return [int(pid) for pid, of, what in rows if int(of) == parent and "spawn_main" in what]
 
@@ -118,6 +119,7 @@ def test_twenty_kills_cost_no_finished_episode_and_leave_no_trace(tmp_path):
     victims: list[str] = rng.sample([*VICTIMS] * (KILLS // len(VICTIMS)), KILLS)
     in_a_log, times = 0, 0
     while victims:
+        assert times < KILLS, "a whole collection went by without a kill, again and again"
         out = tmp_path / f"out-{(times := times + 1)}"
         in_a_log += collect_under_fire(out, rng, victims)
         assert {path.name for path in out.iterdir()} - {".lock"} == wanted.keys() | {RECIPE}
