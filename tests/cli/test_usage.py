@@ -34,7 +34,8 @@ def test_wrong_usage(args, says):
 
 def test_an_unknown_option_is_named_with_what_was_meant():
     line = jenga("collect", "selection", "--episode", 3, "--episodes", 3, "--out", "x").line()
-    assert "unrecognized options: --episode, 3; perhaps you meant: --episodes {None}|INT" in line
+    assert "unrecognized options: --episode, 3; perhaps you meant: " in line
+    assert "--episodes {None}|INT" in line
     both = jenga("collect", "selection", "--bogus").line()
     assert "missing from jenga collect selection: --out PATH; unrecognized options: --bogus" in both
 

@@ -13,7 +13,8 @@ from short_towers import short_towers
 from jenga_data.collect import rollout, workers
 from jenga_data.dataset.logs_at_hand import find_log, log_folders
 from jenga_data.dataset.read import open_dataset
-from jenga_data.dataset.schema import EPISODES
+from jenga_data.dataset.rows import in_steps
+from jenga_data.dataset.schema import EPISODES, POSE_STEP
 from jenga_data.dataset.trace import OUT, Trace, trace
 from jenga_data.errors import JengaError
 from jenga_data.log.files import file_sha256
@@ -57,8 +58,8 @@ def test_a_row_is_traced_to_the_moment_that_it_shows(recorded, logs, no_simulati
         assert file_sha256(found.log.path) == found.moment.entry["log_sha256"]
         episode = read_episode(found.log.path)
         assert episode.header.key == dataset.column("episode")[row] == found.log.path.stem
-        pose = episode.pose[found.moment.frame].astype("float32")
-        assert (pose == dataset.column("block_pose")[row]).all()
+        pose = in_steps(episode.pose[found.moment.frame], POSE_STEP)
+        assert (pose.astype("float32") == dataset.column("block_pose")[row]).all()
         assert found.moment.time_s == pytest.approx((episode.time_ns - episode.time_ns[0])[found.moment.frame] * 1e-9)
         assert found.replay == f"jenga replay {found.log.path} --frame {found.moment.frame}"
 

@@ -177,7 +177,7 @@ def test_a_folder_of_such_logs_makes_a_dataset_without_mujoco(build, tmp_path):
     out = tmp_path / "dataset"
     said = without_mujoco("convert", logs, "--name", "lab", "--version", "1.0.0", "--out", out)
     assert "lab@1.0.0" in said
-    assert "rows: 16" in said  # two actions an episode
+    assert "16 rows, 8 towers" in said  # two actions an episode
     without_mujoco("dataset", "verify", out)
 
 
@@ -238,7 +238,7 @@ REFUSALS = {
     "no key": ({"content": messages(), "metadata": {"version": "1.0"}}, "lacks key, kind, seed, number, control_"),
     "seed": ({"content": messages(), "metadata": METADATA | {"seed": "x"}}, "seed is 'x'; allowed: a whole number"),
     "step": ({"content": messages(), "metadata": METADATA | {"control_step_ns": "0"}}, "control_step_ns is 0"),
-    "contradiction": ({"content": messages(), "metadata": METADATA | {"target": "2"}}, "metadata says target = 2, "),
+    "contradiction": ({"content": messages(), "metadata": METADATA | {"target": "2"}}, "metadata says target = '2', "),
     "no config": ({"content": messages(), "config": b"{"}, "config.json is no JSON"),
     "list config": ({"content": messages(), "config": b"[]"}, "config.json is no JSON object"),
     "deep config": ({"content": messages(), "config": DEEP}, "config.json is no JSON"),
