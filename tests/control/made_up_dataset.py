@@ -1,7 +1,5 @@
 """Datasets in memory and untrained checkpoints, for what sits on top of both."""
 
-from collections.abc import Callable
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,10 +22,8 @@ class MadeUpDataset:
     """What `jenga_data.dataset.read.Dataset` offers, and a note of every row asked for by split."""
 
     hash = "5" * 64
-    folder = Path("made-up")
 
     def __init__(self, kind, columns, splits):
-        self.episodes: Callable[[], dict[str, np.ndarray]] = dict
         self.manifest = SimpleNamespace(name="made-up", version="1.0.0", kind=kind, blocks=BLOCKS)
         self.columns, self.splits, self.asked = columns, splits, []
         self.folder: Any = "made-up"
