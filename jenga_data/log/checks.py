@@ -127,7 +127,8 @@ def _finite(what: str, values: dict[int, np.ndarray]) -> list[str]:
 
 def _pose_problems(poses: dict[int, Float[np.ndarray, "body 7"]], what: str = f"{profile.STATE} pose") -> list[str]:
     problems = _finite(what, poses)
-    off = {frame: np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1) for frame, pose in poses.items()}
+    with np.errstate(over="ignore"):  # of absurd numbers the length is infinite, and so not 1
+        off = {frame: np.abs(np.linalg.norm(pose[:, 3:], axis=1) - 1) for frame, pose in poses.items()}
     if bad := [frame for frame, error in off.items() if (error > codec.UNIT_TOLERANCE).any()]:
         problems.append(f"{what}: quaternions of a length other than 1 in frames {spans(bad)}")
     return problems

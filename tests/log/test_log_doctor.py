@@ -38,6 +38,7 @@ PROBLEMS = {
     "nan state": (with_frame(3, sim_state=spoiled(F[3].sim_state, np.nan)), "/sim/state: .* not finite in frames 3"),
     "state length": (with_frame(3, sim_state=np.zeros(1)), "/sim/state: states of 2 different lengths"),
     "quaternion": (with_frame(3, pose=spoiled(F[3].pose, 0.01)), "quaternions of a length other than 1 in frames 3"),
+    "vast": (with_frame(3, pose=np.full_like(F[3].pose, 1e200)), "quaternions of a length other than 1 in frames 3"),
     "gap": (with_frame(3, index=9), r"/tower/state lacks frames 3, 8"),
     "twice": (with_frame(3, index=4), "/tower/state has frame 4 twice"),
     "time": (with_frame(3, time_ns=0), "/tower/state goes back in time 1 times, first after 64000000 ns"),
