@@ -13,7 +13,7 @@ from jenga_data.bench.figures import logging_share
 from jenga_data.bench.naive_log import read_naively, write_naively
 from jenga_data.bench.speed import Speed, speed_table
 from jenga_data.bench.trace import EpisodeTrace, trace_episode
-from jenga_data.collect.config import SEED_LIMIT, SelectionConfig, recipe
+from jenga_data.collect.config import SelectionConfig, check_seed, recipe
 from jenga_data.collect.rollout import provenance
 from jenga_data.episode import Episode, Frame
 from jenga_data.errors import JengaError
@@ -55,8 +55,7 @@ def bench_log(config: SelectionConfig, towers: int, seed: int, out: Path) -> dic
     """
     if towers < 1:
         raise JengaError(f"towers is {towers}; allowed: 1 or more, such as 2")
-    if not 0 <= seed < SEED_LIMIT:
-        raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
+    check_seed(seed)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -13,7 +13,7 @@ from jenga_data.bench.lockstep import lockstep
 from jenga_data.bench.plot import step_plot
 from jenga_data.bench.speed import Speed, speed_table
 from jenga_data.bench.trace import EpisodeTrace, trace_episode
-from jenga_data.collect.config import SEED_LIMIT, SelectionConfig, recipe
+from jenga_data.collect.config import SelectionConfig, check_seed, recipe
 from jenga_data.collect.rollout import provenance
 from jenga_data.collect.workers import Rollout, run_one
 from jenga_data.errors import JengaError
@@ -37,8 +37,7 @@ def bench_sim(
     """
     if towers < 1 or workers < 1:
         raise JengaError(f"towers is {towers} and workers is {workers}; both must be at least 1, such as 8 and 2")
-    if not 0 <= seed < SEED_LIMIT:
-        raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
+    check_seed(seed)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -10,7 +10,7 @@ from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from jenga_data.calibrate.cases import Case, run_cases
-from jenga_data.collect.config import SEED_LIMIT
+from jenga_data.collect.config import check_seed
 from jenga_data.errors import JengaError
 from jenga_data.replay import style
 from jenga_data.report import write_report
@@ -28,10 +28,7 @@ class Run:
     def __post_init__(self) -> None:
         if self.towers < 1:
             raise JengaError(f"towers is {self.towers}; allowed: 1 or more")
-        if not 0 <= self.seed < SEED_LIMIT:
-            raise JengaError(
-                f"seed is {self.seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)"
-            )
+        check_seed(self.seed)
 
     def cases(self, label: str, cases: Sequence[Case]) -> list[dict[str, Any]]:
         return run_cases(cases, self.out / f"{label}.jsonl", self.workers, label)

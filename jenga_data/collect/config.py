@@ -154,6 +154,16 @@ SEED_LIMIT = 900_000
 """Seeds from here on are reserved for evaluation."""
 
 
+def check_seed(seed: int) -> None:
+    """Refuse a seed that no collection may have.
+
+    Raises:
+        JengaError: it is negative, or reserved.
+    """
+    if not 0 <= seed < SEED_LIMIT:
+        raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
+
+
 def config_dict(config: CollectConfig) -> dict[str, Any]:
     """The configuration as plain JSON values, with its kind."""
     return {"kind": config.kind, **asdict(config)}  # msgspec would leave out what `config_from_dict` filled in

@@ -16,10 +16,10 @@ from filelock import FileLock, Timeout
 
 from jenga_data.collect.config import (
     NOBODY,
-    SEED_LIMIT,
     Actor,
     CollectConfig,
     SelectionConfig,
+    check_seed,
     config_from_dict,
     episode_key,
     recipe,
@@ -67,8 +67,7 @@ def collect(
     Raises:
         JengaError: the folder holds another recipe, is in use, or cannot be written; a seed or count not allowed.
     """
-    if not 0 <= seed < SEED_LIMIT:
-        raise JengaError(f"seed is {seed}; allowed: 0 to {SEED_LIMIT - 1} (higher ones are reserved for evaluation)")
+    check_seed(seed)
     return run_episodes(partial(run_one, config), config, seed, numbers, workers, out, timeout=timeout)
 
 

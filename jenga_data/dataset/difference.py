@@ -44,6 +44,7 @@ def recorded_rows(dataset: Dataset, episodes: Sequence[str]) -> Iterator[tuple[s
     wanted = pa.array(episodes, pa.string())
     for entry in dataset.manifest.data_files:
         with open_parquet(dataset.folder / entry.path) as file:
+            # pyarrow makes its compute functions when it is imported: the stubs do not know them.
             here = pc.is_in(file.read(columns=["episode"]).column(0), value_set=wanted)  # type: ignore[reportAttributeAccessIssue]
             if not pc.any(here).as_py():  # type: ignore[reportAttributeAccessIssue]
                 continue

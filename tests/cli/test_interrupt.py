@@ -87,7 +87,7 @@ def test_an_interrupted_collection_makes_no_dataset_before_it_is_finished(select
 def test_convert(dynamics: Made, extraction_logs: Made, tmp_path):
     out = tmp_path / "dataset"
     args = ("convert", extraction_logs.path, "--name", "steps", "--version", "0.1.0", "--out", out)
-    staged = lambda: bool(list(tmp_path.glob(".dataset.*.partial/data/*.parquet")))  # noqa: E731
+    staged = lambda: bool(list(tmp_path.glob(".dataset.*.partial/data/*.parquet")))  # noqa: E731  (a condition in one line)
     was_interrupted(interrupted_when(staged, *args, before=SLOW_CONVERSION))
     assert list(tmp_path.iterdir()) == []
     assert jenga(*args).code == 0
@@ -98,7 +98,7 @@ def test_train(selection: Made, tmp_path):
     out, undisturbed = tmp_path / "model", tmp_path / "undisturbed"
     args = ("train", "selection", "--dataset", selection.path, "--preset", "fast", "--epochs", 5)
     metrics = out / "metrics.csv"
-    second_epoch = lambda: metrics.exists() and metrics.read_text().count("\n") == 3  # noqa: E731
+    second_epoch = lambda: metrics.exists() and metrics.read_text().count("\n") == 3  # noqa: E731  (a condition in one line)
     was_interrupted(interrupted_when(second_epoch, *args, "--out", out, before=SLOW_TRAINING))
     assert not (out / "checkpoint.json").exists()
     assert not (out / "model.safetensors").exists()
@@ -117,7 +117,7 @@ def test_eval_extraction(closed_loop: Made, tmp_path):
     shutil.copytree(closed_loop.path / "naive", out / "naive")
     naive, straight = contents(out), out / "straight"
     args = ("eval", "extraction", "--objective", "naive", "straight", "--towers", 1, "--out", out)
-    begun = lambda: bool(list(straight.glob("*.partial")))  # noqa: E731
+    begun = lambda: bool(list(straight.glob("*.partial")))  # noqa: E731  (a condition in one line)
     was_interrupted(interrupted_when(begun, *args, before=CHEAP_CLOSED_LOOP))
     assert not list(straight.glob("*.mcap"))
     assert contents(out).items() >= naive.items()
