@@ -28,7 +28,7 @@ STRAIGHT = [result(Outcome.EXTRACTED), *[result(Outcome.STUCK, "slipped") for _ 
 @pytest.fixture
 def pulls(monkeypatch):
     made_up = MadeUpPulls({"naive": NAIVE, "straight": STRAIGHT, "full": STRAIGHT})
-    monkeypatch.setattr("jenga_control.extraction.run_extraction", made_up)
+    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", made_up)
     return made_up
 
 
@@ -56,7 +56,7 @@ def test_broken_physics_disturb_no_median(pulls, tmp_path):
 
 def test_broken_physics_alone_have_no_median(monkeypatch, tmp_path):
     pulls = MadeUpPulls({"naive": [result(Outcome.INVALID)]})
-    monkeypatch.setattr("jenga_control.extraction.run_extraction", pulls)
+    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", pulls)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         report = evaluate(tmp_path, "naive", towers=1)
@@ -66,7 +66,7 @@ def test_broken_physics_alone_have_no_median(monkeypatch, tmp_path):
 
 def test_ways_to_pull_are_compared_on_the_same_towers(pulls, tmp_path):
     report = evaluate(tmp_path, "naive", "straight")
-    assert pulls.ran == [(name, number) for name in ("naive", "straight") for number in range(5)]
+    assert pulls.ran == [(name, number) for number in range(5) for name in ("naive", "straight")]
     assert report["objective"] == "naive"
     assert report["baselines"].keys() == {"straight"}
     straight = report["baselines"]["straight"]
@@ -141,7 +141,7 @@ def test_training_seeds_are_refused(tmp_path):
 
 @pytest.mark.parametrize("controllers", [(), ("naive", "naive")])
 def test_every_way_is_evaluated_once(controllers, tmp_path):
-    with pytest.raises(JengaError, match="allowed: one or more of full, naive, straight, each once"):
+    with pytest.raises(JengaError, match="allowed: one or more of full, naive, straight-SPEED and hindsight"):
         evaluate(tmp_path, *controllers)
 
 
