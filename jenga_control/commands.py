@@ -131,6 +131,34 @@ def evaluate() -> dict[str, Verb]:
     return {"selection": selection, "dynamics": dynamics, "extraction": extraction}
 
 
+def bench() -> dict[str, Verb]:
+    def control(
+        model: Path,
+        towers: int = 2,
+        threads: int = 2,
+        simulator_samples: int = 4,
+        preset: Literal["paper", "best"] = "best",
+        device: str = "cpu",
+        json: Json = False,
+    ) -> Shown:
+        """Decisions a second of the controller, beside graphs composed one by one and the simulator as the model.
+
+        Args:
+            model: folder of a dynamics checkpoint.
+            towers: on which is timed, each at its grasp.
+            threads: of the model and of the simulator.
+            simulator_samples: samples that the simulator is given; its time grows with their number.
+            preset: of the search.
+            device: cpu or cuda.
+        """
+        from jenga_control.bench_control import bench_control
+
+        found = bench_control(model, towers, threads, simulator_samples, preset, device)
+        return Shown(json, found, found.pop("text"))
+
+    return {"control": control}
+
+
 def report() -> dict[str, Verb]:
     def selection(
         out: Path,
@@ -163,7 +191,20 @@ def report() -> dict[str, Verb]:
         text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
         return Shown(json, found, text)
 
-    return {"selection": selection}
+    def extraction(logs: tyro.conf.Positional[tuple[Path, ...]], out: Path, json: Json = False) -> Shown:
+        """Who pulls how well: rates, causes, rounds and speeds of every way that was evaluated, with figures.
+
+        Args:
+            logs: folders that `jenga eval extraction --out` left, one or several.
+            out: folder of the report: extraction.json, .md and figures.
+        """
+        from jenga_control.extraction_report import report_extraction
+
+        found = report_extraction(logs, out)
+        text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
+        return Shown(json, found, text)
+
+    return {"selection": selection, "extraction": extraction}
 
 
 def replay(

@@ -9,18 +9,22 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
+from jenga_data.clock import CONTROL_STEP_NS, TOUCH_STEP_NS
 from jenga_data.collect.extraction import Onlooker, Policy, Proposer, View
 from jenga_data.errors import JengaError
+from jenga_data.touch import Touch
 from jenga_data.tower import TowerState
+
+SAMPLES = CONTROL_STEP_NS // TOUCH_STEP_NS + 1
+"""Touch samples of one control step, both ends included."""
 
 
 @dataclass(frozen=True)
 class TouchConfig:
     """What is erratic, and what is done about it. Defaults are first guesses, to be set on validation towers."""
 
-    rough: float = 1.0
-    """Root mean square change of the pull's force from one touch sample (4 ms) to the next over the last control step,
-    both fingertips together [N]; a loose block on its way out has less."""
+    rough: float = 300.0
+    """Erraticness of the fingertip forces over the last control step [N/s] above which it was a rough one."""
     slow: float = 0.5
     """A rough step is followed by one of so much of the wanted displacement along x."""
     slowest: float = 0.001
@@ -73,9 +77,12 @@ class CarefulTouch:
         return self._config.slow * x if x >= 0 else min(self._config.slow * x, max(x, -self._config.slowest))
 
     def roughness(self) -> float:
-        """Of the force along the pull over the last control step [N]; 0 before anything was felt."""
-        if self._view is None:
+        """`jenga_data.touch.erraticness` over the last control step [N/s]; 0 before anything was felt."""
+        samples = list(self._view.recording.felt)[-SAMPLES:] if self._view else []
+        if len(samples) < 2:
             return 0.0
-        samples = list(self._view.recording.felt)[-9:]
-        force = np.array([sample.left_force[0] + sample.right_force[0] for sample in samples])
-        return float(np.sqrt(np.mean(np.diff(force) ** 2))) if len(force) > 1 else 0.0
+        return Touch(
+            np.array([sample.time_ns for sample in samples], np.int64),
+            np.array([(sample.left_force, sample.right_force) for sample in samples]),
+            np.array([sample.pose[:3] for sample in samples]),
+        ).erraticness()

@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 
 from jenga_data.collect.config import NOBODY, Actor, ExtractionConfig
-from jenga_data.collect.extraction import Pull
+from jenga_data.collect.extraction import Pull, View
 from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage
@@ -24,6 +24,11 @@ class Attempt(ABC):
     @abstractmethod
     def to_grasp(self, recorder: Recorder) -> None:
         """Everything up to and with the grasp."""
+
+    @property
+    @abstractmethod
+    def view(self) -> View:
+        """World, recording and hand as a policy sees them."""
 
     @abstractmethod
     def finish(self, pull: Pull) -> Result:

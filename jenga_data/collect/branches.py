@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from jenga_data.collect.attempt import attempt_of
 from jenga_data.collect.config import NOBODY, Actor, ExtractionConfig
-from jenga_data.collect.extraction import Policy, Pull
+from jenga_data.collect.extraction import Policy, Pull, View
 from jenga_data.collect.recording import Recorder
 from jenga_data.collect.rollout import OpenLog, header_of
 from jenga_data.collect.stage import Stage, set_stage
@@ -96,6 +96,11 @@ class Trunk:
         if not self.grasped:
             self._failed = branch
         return branch
+
+    @property
+    def view(self) -> View:
+        """The world at the grasp, for who only wants to look."""
+        return self._attempt.view
 
     def log(self, branch: Branch, open_log: OpenLog, actor: Actor = NOBODY) -> Result:
         """Write a branch as the complete log of `actor`'s episode."""

@@ -5,7 +5,7 @@ from jaxtyping import Float
 
 from jenga_data.collect.attempt import Attempt
 from jenga_data.collect.config import ExtractionConfig
-from jenga_data.collect.extraction import SLIP, Pull
+from jenga_data.collect.extraction import SLIP, Pull, View
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.stage import Stage
@@ -51,6 +51,10 @@ class GripperAttempt(Attempt):
         # As far apart as the target is wide: on it, and not on air or on two blocks.
         self.grasped = bool(abs(self._gripper.width - self._world.blocks.size[self._target, 1]) < SLIP)
         self._world.allow_sleep(False)
+
+    @property
+    def view(self) -> View:
+        return View(self.recording, self._gripper, self._physics.steps_a_frame)
 
     def finish(self, pull: Pull) -> Result:
         cause = "grasp_missed"

@@ -7,7 +7,7 @@ import numpy as np
 from jenga_data.collect.attempt import Attempt, run_attempt
 from jenga_data.collect.causes import Failure
 from jenga_data.collect.config import NOBODY, Actor, ExtractionConfig
-from jenga_data.collect.extraction import Pull
+from jenga_data.collect.extraction import Pull, View
 from jenga_data.collect.observe import observe
 from jenga_data.collect.recording import Recorder, Recording
 from jenga_data.collect.rollout import OpenLog
@@ -48,6 +48,10 @@ class RobotAttempt(Attempt):
         self._skills = self._make_skills(self._robot, self.recording, self._config)
         self._world.allow_sleep(True)  # nothing touches the tower yet
         self.grasped = self._went_well(self._approach)
+
+    @property
+    def view(self) -> View:
+        return View(self.recording, self._robot.arm, self._config.physics.steps_a_frame)
 
     def finish(self, pull: Pull) -> Result:
         if self.grasped:

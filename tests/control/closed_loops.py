@@ -73,7 +73,8 @@ class MadeUpTrunk(Trunk):
     def log(self, branch, open_log, actor=NOBODY) -> Result:
         name = actor.controller["name"]
         self.pulls.ran.append((name, self.number))
-        ended = self.pulls.results[name][self.number]
+        at_speed = f"{name}-{actor.controller.get('speed')}"
+        ended = self.pulls.results.get(at_speed, self.pulls.results.get(name, []))[self.number]
         with open_log(header_of(self.config, self.seed, self.number, self.stage, actor), "<mujoco/>") as log:
             branch.tape.play(log)
             log.finish(ended)

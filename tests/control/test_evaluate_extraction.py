@@ -9,7 +9,7 @@ from made_up_dataset import dynamics_dataset, untrained
 
 from jenga_control.evaluate_extraction import evaluate_extraction
 from jenga_data.collect.config import SEED_LIMIT
-from jenga_data.errors import JengaError
+from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.outcome import Outcome
 from jenga_models.checkpoint import load
 from jenga_models.overlay import overlay
@@ -159,3 +159,32 @@ def test_logs_of_another_model_are_not_mixed_in(pulls, tmp_path):
     evaluate(tmp_path / "logs", "full", model=models[0])
     with pytest.raises(JengaError, match="another configuration or seed"):
         evaluate(tmp_path / "logs", "full", model=models[1])
+
+
+def test_a_missing_pull_is_made_up_for_alone(pulls, tmp_path):
+    first = evaluate(tmp_path, "naive", "straight", towers=3)
+    pulls.ran.clear()
+    sorted((tmp_path / "straight").glob("*.mcap"))[0].unlink()
+    again = evaluate(tmp_path, "naive", "straight", towers=3)
+    assert [name for name, _ in pulls.ran] == ["straight"]
+    assert again["success"] == first["success"]
+    assert again["baselines"]["straight"]["outcomes"] == first["baselines"]["straight"]["outcomes"]
+
+
+def test_a_bug_in_one_way_costs_the_others_nothing(pulls, tmp_path):
+    pulls.results["straight"] = []
+    with pytest.raises(CheckFailed, match="set aside"):
+        evaluate(tmp_path, "naive", "straight", towers=2)
+    assert len(list((tmp_path / "naive").glob("*.mcap"))) == 2
+    assert len(list((tmp_path / "straight" / "set_aside").glob("*.json"))) == 2
+    pulls.results["straight"] = STRAIGHT
+    assert evaluate(tmp_path, "naive", "straight", towers=2)["success"]["n"] == 2
+    assert not (tmp_path / "straight" / "set_aside").exists()
+
+
+def test_the_cost_is_told_before_anything_is_pulled(pulls, tmp_path, capsys):
+    evaluate(tmp_path, "naive", "straight", towers=2)
+    told = capsys.readouterr().err
+    assert told.startswith("2 towers x 2 ways, 4 rollouts to do: about ")
+    evaluate(tmp_path, "naive", "straight", towers=2)
+    assert "0 rollouts to do: about 0 min" in capsys.readouterr().err
