@@ -26,7 +26,8 @@ def speed_figure(ways: Ways) -> Figure:
     """Success against the speed of the pull: straight ones as a curve, controllers where they pull on average."""
     figure = Figure(figsize=(9.5, 5.4), layout="constrained")
     axes = figure.subplots()
-    straight = sorted((row["speed"], row) for row in ways.values() if row["name"] == "straight" and _plain(row))
+    plain = [row for row in ways.values() if row["name"] == "straight" and _plain(row)]
+    straight = sorted(((row["speed"], row) for row in plain), key=lambda pair: pair[0])
     for key, colour, label in (
         ("success", BLUE, "straight pulls: block out, tower stands"),
         ("success_without_dragging", VERMILLION, "straight pulls: and no other block dragged"),

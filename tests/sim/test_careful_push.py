@@ -15,14 +15,20 @@ class Counting(CarefulSkills):
 
     taps = 0
     meddle = 0.0
+    pushing = False
 
     def _tap(self) -> None:
         self.taps += 1
         super()._tap()
 
+    def push_forward(self, path) -> None:
+        self.pushing = True
+        super().push_forward(path)
+        self.pushing = False
+
     def frame(self, turning=None) -> None:
         super().frame(turning)
-        if self.meddle and self._recording.phase_name == "push":
+        if self.meddle and self.pushing:
             block = int(self._world.layout.grid[3, 1])
             where = self._world.pose[block, :3]
             put(self._world, f"block_{block}", where + self.meddle * np.eye(3)[0])
