@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import jenga_models
 from jenga_control.cost import CostConfig
 from jenga_control.extraction import DYNAMICS, ClosedLoop
 from jenga_control.hindsight import Hindsight, pull_speed
@@ -71,9 +72,16 @@ def _ways_of(name: str, choices: Choices) -> dict[str, Way]:
     return _with_models(name, full, choices.models) if dynamics == "learned" else {name: full}
 
 
+def pretrained_dynamics() -> tuple[Path, ...]:
+    """The dynamics model that this version of jenga comes with, if it comes with one."""
+    folder = Path(jenga_models.__file__).parent / "pretrained" / "dynamics"
+    return (folder,) if folder.is_dir() else ()
+
+
 def _with_models(name: str, loop: ClosedLoop, models: Sequence[Path]) -> dict[str, Way]:
     from jenga_models.checkpoint import load
 
+    models = models or pretrained_dynamics()
     if not models:
         raise JengaError(
             "the objective 'full' needs a dynamics model: give one with --model, or choose --objective naive"

@@ -1,6 +1,7 @@
 """The ways to pull by their names."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -37,7 +38,7 @@ class MadeUpTrunk(Trunk):
         return Branch(Tape(), Result(Verdict(outcome, dragged, moved, -1)))
 
 
-def named(*names, **choices):
+def named(*names, **choices) -> dict[str, Any]:
     return ways(names, Choices(CHEAP, **choices))
 
 
@@ -70,9 +71,18 @@ def test_each_way_has_settings_of_its_own():
         ("full", "needs a dynamics model: give one with --model"),
     ],
 )
-def test_a_name_that_means_nothing_is_refused(name, message):
+def test_a_name_that_means_nothing_is_refused(name, message, monkeypatch):
+    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: ())
     with pytest.raises(JengaError, match=message):
         named(name)
+
+
+def test_the_model_that_jenga_comes_with_is_asked_where_none_is_named(tmp_path, monkeypatch):
+    model = untrained(tmp_path / "model", MODEL, dynamics_dataset())
+    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: (model,))
+    found = named("full")["full"]
+    assert isinstance(found, ClosedLoop)
+    assert found.model == model
 
 
 def test_several_models_are_several_ways(tmp_path):
