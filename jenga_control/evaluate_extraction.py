@@ -16,7 +16,7 @@ from jenga_control.hindsight import Hindsight
 from jenga_control.selected_stage import selected_stage
 from jenga_control.touch_pull import TouchConfig
 from jenga_control.ways import Choices, Pullers, Way, ways
-from jenga_data.collect.branch_workers import branch_path, run_branches
+from jenga_data.collect.branch_workers import Missing, branch_path, run_branches
 from jenga_data.collect.branches import Trunk
 from jenga_data.collect.config import SEED_LIMIT, Actor, ExtractionConfig
 from jenga_data.collect.set_aside import refuse_missing
@@ -32,7 +32,7 @@ PAPER = {"full": 0.65, "naive": 0.54}
 
 APPROACH_SECONDS = {"robot": 12.0, "gripper": 1.5}
 """What a tower costs up to the grasp, spawning included [s of one core], measured on 18 levels..."""
-PULL_SECONDS = {"straight": 4.0, "naive": 4.0, "full": 8.0, "hindsight": 15.0, "simulator": 120.0}
+PULL_SECONDS = {"straight": 5.0, "naive": 6.0, "full": 10.0, "hindsight": 15.0, "simulator": 120.0}
 """...and each way to pull from there on. Hindsight stops at its first clean success."""
 
 
@@ -90,10 +90,14 @@ def evaluate_extraction(
     choices = Choices(config, given, preset, dynamics, switches.touch, simulator_search)
     found = ways(controllers, choices)
     actors = {name: switched(way.actor, switches) for name, way in found.items()}
-    sys.stderr.write(cost_line(found, config, towers, workers, out, seed, actors) + "\n")
     trunk = partial(_trunk, switches.select, switches.push_control)
+
+    def tell(missing: Missing) -> None:
+        sys.stderr.write(cost_line(found, config.body, workers, missing) + "\n")
+
+    pullers = Pullers(found)
     done = run_branches(
-        Pullers(found), actors, config, seed, range(towers), workers, out, trunk, "pulling", TOWER_TIMEOUT
+        pullers, actors, config, seed, range(towers), workers, out, trunk, "pulling", TOWER_TIMEOUT, tell
     )
     for name in found:
         refuse_missing(out / name, done[name])  # a tower that is left out would spoil the comparison
@@ -127,28 +131,15 @@ def _trunk(select: Path | None, careful: bool, config: ExtractionConfig, seed: i
     return Trunk(config, seed, number, stage, careful)
 
 
-def cost_line(
-    found: Mapping[str, Way],
-    config: ExtractionConfig,
-    towers: int,
-    workers: int,
-    out: Path,
-    seed: int,
-    actors: Mapping[str, Actor],
-) -> str:
-    """What an evaluation will take, from costs measured on an idle core; what is logged already is not counted."""
-    missing = {
-        name: [n for n in range(towers) if not branch_path(out, name, config, seed, n, actors[name]).exists()]
-        for name in found
-    }
-    begun = len({number for numbers in missing.values() for number in numbers})
+def cost_line(found: Mapping[str, Way], body: str, workers: int, missing: Missing) -> str:
+    """What an evaluation will take, from costs measured on an idle core; `missing` is what is not logged yet."""
     each = {name: PULL_SECONDS[_kind(way)] for name, way in found.items()}
-    seconds = begun * APPROACH_SECONDS[config.body] + sum(len(missing[name]) * each[name] for name in found)
+    rollouts = [name for names in missing.values() for name in names]
+    seconds = len(missing) * APPROACH_SECONDS[body] + sum(each[name] for name in rollouts)
     parts = ", ".join(f"{name} {each[name]:.0f} s" for name in found)
     return (
-        f"{towers} towers x {len(found)} ways, {sum(map(len, missing.values()))} rollouts to do: about "
-        f"{seconds / 60 / workers:.0f} min on {workers} idle cores "
-        f"(a tower up to the grasp {APPROACH_SECONDS[config.body]:.0f} s; {parts})"
+        f"{len(missing)} towers, {len(rollouts)} rollouts to do: about {seconds / 60 / workers:.0f} min on {workers} "
+        f"idle cores (a tower up to the grasp {APPROACH_SECONDS[body]:.0f} s; then {parts})"
     )
 
 

@@ -23,6 +23,9 @@ MakePuller = Callable[[Trunk], Puller]
 MakeTrunk = Callable[[ExtractionConfig, int, int], Trunk]
 """Takes tower (seed, number) up to the grasp."""
 
+Missing = Mapping[int, Sequence[str]]
+"""Which ways have not pulled yet, by the number of the tower."""
+
 
 def branch_path(out: Path, name: str, config: ExtractionConfig, seed: int, number: int, actor: Actor) -> Path:
     """Where the log of one pull at one tower lies."""
@@ -40,6 +43,7 @@ def run_branches(
     make_trunk: MakeTrunk = Trunk,
     label: str = "",
     timeout: float = math.inf,
+    tell: Callable[[Missing], None] = lambda missing: None,
 ) -> dict[str, list[SetAside]]:
     """Pull at each tower in every way whose log `out/NAME` does not hold yet; what had to be set aside, by name.
 
@@ -47,6 +51,7 @@ def run_branches(
         actors: who pulls, by name.
         make_trunk: how; by default as collection does.
         timeout: longest time for one tower [s], with more than one worker.
+        tell: is told before it starts what there is to do, unless that is nothing.
 
     Raises:
         JengaError: as `collect`.
@@ -61,6 +66,8 @@ def run_branches(
             stack.enter_context(claimed(out / name, config, seed, actor))
         missing = {n: [name for name in actors if not path(name, n).exists()] for n in numbers}
         items = [(n, tuple(names)) for n, names in missing.items() if names]
+        if items:
+            tell(dict(items))
         bar = stack.enter_context(progress(label or "pulling", len(numbers) * len(actors)))
         bar.advance(sum(len(actors) - len(names) for names in missing.values()))
         patience = Patience(out)

@@ -186,6 +186,6 @@ def test_a_bug_in_one_way_costs_the_others_nothing(pulls, tmp_path):
 def test_the_cost_is_told_before_anything_is_pulled(pulls, tmp_path, capsys):
     evaluate(tmp_path, "naive", "straight", towers=2)
     told = capsys.readouterr().err
-    assert told.startswith("2 towers x 2 ways, 4 rollouts to do: about ")
+    assert told.startswith("2 towers, 4 rollouts to do: about ")
     evaluate(tmp_path, "naive", "straight", towers=2)
-    assert "0 rollouts to do: about 0 min" in capsys.readouterr().err
+    assert capsys.readouterr().err == ""
