@@ -32,6 +32,8 @@ SETTINGS = {"turn_back": TURN_BACK, "give_up": GIVE_UP, "tap_speed": TAP_SPEED, 
 class CarefulSkills(Skills):
     """The robot's skills with a push that watches the other blocks."""
 
+    turn_back = TURN_BACK
+
     def push_forward(self, path: Path) -> None:
         """Push slowly as far as nothing else moves, then on in taps until the target is out or the layer is moved."""
         self._before = self._recording.poses[-1]
@@ -51,7 +53,7 @@ class CarefulSkills(Skills):
                 self.frame()
                 if self.stopped or self._recording.has_collapsed():
                     return False
-                if self._moved() > TURN_BACK:
+                if self._moved() > self.turn_back:
                     self._arm.stop(1.0)
                     return False
         finally:

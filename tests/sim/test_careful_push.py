@@ -5,7 +5,7 @@ import pytest
 from robot_stage import CONFIG, Workplace, put, workplace
 
 from jenga_data.collect.careful_push import GIVE_UP, TURN_BACK, CarefulSkills
-from jenga_data.collect.skills import Skills
+from jenga_data.collect.skills import DRAGGED, Skills
 
 STEP = 0.0008
 
@@ -34,6 +34,12 @@ class Counting(CarefulSkills):
             put(self._world, f"block_{block}", where + self.meddle * np.eye(3)[0])
 
 
+class Patient(Counting):
+    """Turns back no sooner than a push counts as one that dragged the layer: a tower of four levels is light."""
+
+    turn_back = DRAGGED
+
+
 def pushed(skills: type[Skills], meddle: float = 0.0) -> Workplace:
     place = workplace(CONFIG, make_skills=skills)
     place.skills.take_stick()
@@ -50,7 +56,7 @@ def way(place: Workplace) -> np.ndarray:
 
 @pytest.mark.usefixtures("unchecked_shapes")
 def test_a_loose_block_is_pushed_as_by_the_plain_push():
-    plain, careful = pushed(Skills), pushed(Counting)
+    plain, careful = pushed(Skills), pushed(Patient)
     assert isinstance(careful.skills, Counting)
     assert careful.skills.taps == 0
     np.testing.assert_array_equal(way(plain), way(careful))
