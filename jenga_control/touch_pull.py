@@ -42,16 +42,12 @@ class TouchConfig:
     """After so many rough steps in a row the hand stops for good; 0 for never."""
 
     def __post_init__(self) -> None:
-        if not (
-            self.rough > 0
-            and self.rough_per_speed >= 0
-            and 0 < self.slow <= 1
-            and self.slowest >= 0
-            and self.wiggle >= 0
-        ):
+        if not (self.rough > 0 and 0 < self.slow <= 1):
+            raise JengaError(f"rough {self.rough}, slow {self.slow}; allowed: rough above 0, slow above 0 up to 1")
+        if min(self.rough_per_speed, self.slowest, self.wiggle) < 0:
             raise JengaError(
-                f"rough {self.rough} and {self.rough_per_speed}, slow {self.slow}, slowest {self.slowest}, wiggle {self.wiggle}; "
-                "allowed: rough above 0, slow above 0 up to 1, the others 0 or more"
+                f"rough-per-speed {self.rough_per_speed}, slowest {self.slowest}, wiggle {self.wiggle}; "
+                "allowed: 0 or more"
             )
         if self.patience < 0:
             raise JengaError(f"patience is {self.patience}; allowed: 0 or more")
