@@ -12,15 +12,30 @@ from dataclasses import dataclass
 from functools import lru_cache
 from io import SEEK_END, BytesIO
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 import lz4.frame
 import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, ChunkIndex, DataEnd, Footer, McapRecord, Message, Schema
-from mcap.stream_reader import StreamReader
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    DataEnd,
+    Footer,
+    Header,
+    McapRecord,
+    Message,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
 from mcap.writer import MCAP0_MAGIC
 
 from jenga_data.errors import CheckFailed, JengaError
@@ -52,7 +67,19 @@ UNREADABLE = (
 )
 """What mcap, zstandard and lz4 raise on damaged bytes."""
 
-_KNOWN = frozenset(Opcode)
+_KINDS: dict[int, Any] = {
+    Opcode.HEADER: Header,
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.CHUNK: Chunk,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex,
+    Opcode.STATISTICS: Statistics,
+    Opcode.METADATA: Metadata,
+    Opcode.METADATA_INDEX: MetadataIndex,
+    Opcode.SUMMARY_OFFSET: SummaryOffset,
+    Opcode.DATA_END: DataEnd,
+}
 _ZSTD = zstandard.ZstdDecompressor()
 _CHUNK_SIGNATURE = struct.pack("<I", 4) + b"zstd"
 _SIGNATURE_AT = HEAD.size + 8 + 8 + 8 + 4
@@ -192,8 +219,8 @@ def read_record(stream: BinaryIO, position: int, size: int) -> bytes:
 
 def parse_record(raw: bytes) -> McapRecord | None:
     """One record from its bytes; None for message indexes and for kinds that this version of MCAP does not know."""
-    if raw[0] == Opcode.MESSAGE_INDEX or raw[0] not in _KNOWN:
-        return None
+    if raw[0] == Opcode.MESSAGE:
+        return Message.read(ReadDataStream(BytesIO(raw[HEAD.size :])), len(raw) - HEAD.size)
     if raw[0] == Opcode.FOOTER:
         return Footer(*struct.unpack("<QQI", raw[HEAD.size :]))
     if raw[0] == Opcode.CHUNK_INDEX:
@@ -209,7 +236,8 @@ def parse_record(raw: bytes) -> McapRecord | None:
 
 
 def _parse(raw: bytes) -> McapRecord | None:
-    return next(StreamReader(BytesIO(raw), skip_magic=True, emit_chunks=True).records, None)
+    kind = _KINDS.get(raw[0])
+    return kind.read(ReadDataStream(BytesIO(raw[HEAD.size :]))) if kind else None
 
 
 _CACHED_BYTES = 2**15

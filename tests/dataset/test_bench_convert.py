@@ -7,16 +7,17 @@ import pytest
 
 from jenga_data.dataset.rows import Ragged, rows_of
 from jenga_data.errors import CheckFailed, JengaError
-from jenga_data.log.reader import read_episode, read_for_rows
+from jenga_data.log.excerpt import read_for_rows
+from jenga_data.log.reader import read_episode
 
 
 @pytest.mark.parametrize("kind", ["selection", "extraction"])
 def test_what_is_read_for_rows_gives_the_rows_of_the_whole_episode(kind, request):
     for path in sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[:4]:
         whole = read_episode(path)
-        part, frames = read_for_rows(path, first_frame=kind == "selection")
-        assert frames == len(whole.pose)
-        quick, slow = rows_of(part), rows_of(whole)
+        part = read_for_rows(path, first_frame=kind == "selection")
+        assert part.frames == len(whole.pose)
+        quick, slow = rows_of(part.episode, part.number), rows_of(whole)
         assert quick.keys() == slow.keys()
         for name, values in slow.items():
             other = quick[name]
