@@ -22,7 +22,8 @@ from mcap.records import (
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from jenga_data.log.records import HEAD, UNREADABLE, Damage, parse_record, read_record, reason_of, size_of, unpack, walk
+from jenga_data.log.parse import HEAD, UNREADABLE, parse_record, unpack
+from jenga_data.log.records import Damage, read_record, reason_of, size_of, walk
 
 _FOOTER_BYTES = HEAD.size + 20
 _DATA_END_BYTES = HEAD.size + 4
