@@ -238,12 +238,18 @@ def read_sim_state(data: bytes) -> tuple[int, Float[np.ndarray, " state"]]:
 
 
 def write_action(action: Action) -> pb.Action:
-    return pb.Action(frame=action.frame, displacement=action.displacement.tolist(), reached=action.reached.tolist())
+    return pb.Action(
+        frame=action.frame,
+        displacement=action.displacement.tolist(),
+        reached=action.reached.tolist(),
+        wanted=None if action.wanted is None else action.wanted.tolist(),
+    )
 
 
 def read_action(data: bytes, time_ns: int) -> Action:
     action = parse(pb.Action, data)
-    return Action(action.frame, time_ns, doubles(action.displacement, 3), doubles(action.reached, 3))
+    wanted = doubles(action.wanted, 3) if action.wanted else None
+    return Action(action.frame, time_ns, doubles(action.displacement, 3), doubles(action.reached, 3), wanted)
 
 
 def write_gripper(sample: GripperSample) -> pb.Gripper:

@@ -7,6 +7,7 @@ from typing import TypeVar
 import numpy as np
 
 from jenga_data.episode import (
+    Action,
     Contacts,
     Episode,
     EpisodeHeader,
@@ -109,12 +110,19 @@ def stack(raw: Raw, number: Sequence[int] | None = None) -> Episode:
         action_frame=np.array([frame for frame, _ in actions], np.int64),
         action=np.array([action.displacement for _, action in actions]).reshape(-1, 3),
         action_reached=np.array([action.reached for _, action in actions]).reshape(-1, 3),
+        action_wanted=_wanted([action for _, action in actions]),
         gripper=codec.read_gripper_track(raw.messages.get(profile.GRIPPER, [])),
         phases=sorted(phases, key=lambda phase: phase.time_ns),
         result=result_of(raw),
         turntable=np.array([angle for _, (_, _, angle) in frames]),
         robot=_robot_track(raw, header.robot, count),
     )
+
+
+def _wanted(actions: list[Action]) -> np.ndarray | None:
+    if all(action.wanted is None for action in actions):
+        return None
+    return np.array([action.displacement if action.wanted is None else action.wanted for action in actions])
 
 
 def _robot_track(raw: Raw, robot: RobotModel | None, count: int) -> RobotTrack | None:
