@@ -7,6 +7,7 @@ import numpy as np
 
 from jenga_data.episode import Episode, EpisodeHeader, Prediction
 from jenga_data.replay.measures import MM, error_scale, has_chances, metres_per_newton, model_labels, seconds
+from jenga_data.replay.plans import Plans
 from jenga_data.tower import CENTRE
 
 _SHORT = 12
@@ -30,7 +31,7 @@ def target_words(header: EpisodeHeader) -> str:
     return f"block {header.target}: level {place.level}, slot {place.slot} ({side})"
 
 
-def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
+def summary(episode: Episode, predictions: Sequence[Prediction], plans: Plans | None = None) -> str:
     """The whole text, for a viewer that shows Markdown."""
     header, time = episode.header, seconds(episode)
     facts = [
@@ -46,19 +47,21 @@ def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
         clear = "never" if verdict.clear_frame < 0 else f"at {time[verdict.clear_frame]:.2f} s"
         facts.append(("target clear", clear))
     facts += _chances(header.target, predictions)
+    if plans is not None and plans.note:
+        facts.append(("plans", plans.note))
     provenance = [("key", header.key), ("tower", header.blocks.tower)]
     if header.checkpoint:
         provenance.append(("acting model", header.checkpoint[:_SHORT]))
     provenance += [(f"model {p.name}, {p.kind.replace('_', ' ')}", p.checkpoint[:_SHORT]) for p in predictions]
     provenance += [(name.replace("_", " "), _shortened(value)) for name, value in sorted(header.provenance.items())]
-    parts = [("Colours", _colours(episode, predictions)), ("Provenance", provenance)]
+    parts = [("Colours", _colours(episode, predictions, plans)), ("Provenance", provenance)]
     lines = [f"# {outcome_words(episode)}", "", *_list(facts)]
     for title, rows in parts:
         lines += ["", f"## {title}", "", *_list(rows)]
     return "\n".join(lines)
 
 
-def _colours(episode: Episode, predictions: Sequence[Prediction]) -> list[tuple[str, str]]:
+def _colours(episode: Episode, predictions: Sequence[Prediction], plans: Plans | None) -> list[tuple[str, str]]:
     """What the colours and lengths of the drawing mean."""
     rows = [("target", "blue")]
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
@@ -71,6 +74,8 @@ def _colours(episode: Episode, predictions: Sequence[Prediction]) -> list[tuple[
         rows.append(
             ("arrows", f"1 cm is {0.01 / metres_per_newton(forces):g} N; red: on the target, yellow: elsewhere")
         )
+    if plans is not None and len(plans.frame):
+        rows.append(("plans", "blue: sampled, orange: the one decided on"))
     return rows
 
 
