@@ -11,7 +11,7 @@ from jaxtyping import Float
 
 from jenga_control.cost import CostConfig, plan_cost
 from jenga_control.dynamics import Dynamics, Learned
-from jenga_control.mppi import Controller, MPPIConfig
+from jenga_control.mppi import Controller, MPPIConfig, Plan
 from jenga_data.collect.config import Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.extraction import Policy, run_extraction
@@ -35,6 +35,8 @@ class MPPIPolicy:
         self._controller = Controller(search, rng)
         self._cost = cost
         self._dynamics = dynamics if cost.needs_dynamics else None
+        self.decision: Plan | None = None
+        """The last one, with all that was considered."""
 
     def act(self, state: TowerState, target: int) -> Float[np.ndarray, "3"]:
         dynamics = self._dynamics
@@ -45,7 +47,8 @@ class MPPIPolicy:
             poses = dynamics.rollout(plans) if dynamics is not None else None
             return plan_cost(plans, poses, target, self._cost)
 
-        return self._controller.plan(rollout).action
+        self.decision = self._controller.plan(rollout)
+        return self.decision.action
 
 
 class StraightPull:

@@ -31,6 +31,8 @@ class Plans:
         return cls(frame, _way(start[:, None], plans), _way(start, chosen), note)
 
 
-def _way(start: Float[np.ndarray, "*batch 3"], steps: Float[np.ndarray, "*more 3"]) -> Float[np.ndarray, "*more 3"]:
+def _way(
+    start: Float[np.ndarray, "*batch 3"], steps: Float[np.ndarray, "*more step 3"]
+) -> Float[np.ndarray, "*more point 3"]:
     travelled = np.cumsum(steps, axis=-2)
     return start[..., None, :] + np.concatenate([np.zeros_like(travelled[..., :1, :]), travelled], axis=-2)

@@ -88,7 +88,7 @@ def _write(
 def _log(to: Recorder, shown: Shown, meshes: Mapping[str, Mesh]) -> None:
     episode, predictions = shown.episode, shown.predictions
     to.stream.send_recording_name(f"{episode.header.kind} {episode.header.number}: {outcome_words(episode)}")
-    words = summary(episode, predictions, shown.plans)
+    words = summary(episode, predictions, shown.plans, shown.notes)
     to.static("/episode", rr.TextDocument(words, media_type=rr.MediaType.MARKDOWN))
     log_scene(to, meshes)
     log_contacts(to)

@@ -14,3 +14,5 @@ class Shown:
     episode: Episode
     predictions: Sequence[Prediction] = ()
     plans: Plans | None = None
+    notes: Sequence[str] = ()
+    """What was asked for and cannot be shown, and why."""

@@ -31,8 +31,10 @@ def target_words(header: EpisodeHeader) -> str:
     return f"block {header.target}: level {place.level}, slot {place.slot} ({side})"
 
 
-def summary(episode: Episode, predictions: Sequence[Prediction], plans: Plans | None = None) -> str:
-    """The whole text, for a viewer that shows Markdown."""
+def summary(
+    episode: Episode, predictions: Sequence[Prediction], plans: Plans | None = None, notes: Sequence[str] = ()
+) -> str:
+    """The whole text, for a viewer that shows Markdown; `notes` say what is not shown, and why."""
     header, time = episode.header, seconds(episode)
     facts = [
         ("episode", f"{header.kind} {header.number}, seed {header.seed}"),
@@ -46,9 +48,10 @@ def summary(episode: Episode, predictions: Sequence[Prediction], plans: Plans | 
         facts.append(("others moved", f"{verdict.moved * MM:.1f} mm at most"))
         clear = "never" if verdict.clear_frame < 0 else f"at {time[verdict.clear_frame]:.2f} s"
         facts.append(("target clear", clear))
-    facts += _chances(header.target, predictions)
+    facts += chances(header.target, predictions)
     if plans is not None and plans.note:
         facts.append(("plans", plans.note))
+    facts += [("note", note) for note in notes]
     provenance = [("key", header.key), ("tower", header.blocks.tower)]
     if header.checkpoint:
         provenance.append(("acting model", header.checkpoint[:_SHORT]))
@@ -79,7 +82,7 @@ def _colours(episode: Episode, predictions: Sequence[Prediction], plans: Plans |
     return rows
 
 
-def _chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[str, str]]:
+def chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[str, str]]:
     """What each selector gave the target, once a model."""
     chance = {p.name: float(p.failure_probability[target]) for p in predictions}
     return [(f"failure, says {name}", f"{100 * p:.0f} %") for name, p in chance.items() if np.isfinite(p)]

@@ -6,11 +6,11 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from jenga_data.replay.measures import MM, largest_displacement_of_others
-from jenga_data.replay.recording.layout import STAND, TOWER, ghosts, panels, whole
+from jenga_data.replay.recording.layout import STAND, TOWER, coloured_towers, ghosts, panels, whole
 from jenga_data.replay.recording.views import curves, near_eye, spatial
 from jenga_data.replay.series import Series, episode_series
 from jenga_data.replay.shown import Shown
-from jenga_data.replay.summary import outcome_words, target_words
+from jenga_data.replay.summary import chances, outcome_words, target_words
 
 
 def root_of(number: int) -> str:
@@ -23,6 +23,7 @@ def heading(shown: Shown, number: int) -> str:
     header = shown.episode.header
     lines = [f"## {number + 1}: {outcome_words(shown.episode)}", ""]
     lines += [f"round {header.round}, {target_words(header)}", "", f"`{header.key}`"]
+    lines += [f"\n{name}: **{chance}**" for name, chance in chances(header.target, shown.predictions)]
     return "\n".join(lines)
 
 
@@ -35,8 +36,9 @@ def columns_blueprint(all_shown: Sequence[Shown]) -> rrb.Blueprint:
         root = root_of(number)
         drawn = [*STAND, "/world/edges", *TOWER, *ghosts(shown.predictions)]
         words = rrb.TextDocumentView(origin=f"{root}/words", name=f"episode {number + 1}")
-        tower = spatial(f"tower {number + 1}", [root + path for path in drawn], near_eye())
-        views: list[rrb.Container | rrb.View] = [words, tower]
+        towers = [spatial(f"tower {number + 1}", [root + path for path in drawn], near_eye())]
+        towers += coloured_towers(shown.predictions, near_eye(), root)
+        views: list[rrb.Container | rrb.View] = [words, towers[0] if len(towers) == 1 else rrb.Tabs(contents=towers)]
         shares = [1.6, 5.0]
         if shown.episode.phases:
             views.append(rrb.StateTimelineView(origin=f"{root}/phase", name="phases", time_view=time))

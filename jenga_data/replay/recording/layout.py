@@ -22,7 +22,7 @@ _BASE = (*STAND, "/world/edges")
 def blueprint(shown: Shown) -> rrb.Blueprint:
     """Towers, graph and text above; phases and curves over one time axis below. No panel is empty."""
     episode, predictions = shown.episode, shown.predictions
-    above = [*_towers(episode, predictions), *_coloured(episode, predictions)]
+    above = [*_towers(episode, predictions), *_coloured(predictions)]
     if forces := _forces(episode):
         above.append(forces)
     if shown.plans is not None and len(shown.plans.frame):
@@ -71,17 +71,27 @@ def _towers(episode: Episode, predictions: Sequence[Prediction]) -> list[rrb.Con
     return [spatial(title, [*_BASE, *TOWER, *drawn], eye_of(episode))]
 
 
-def _coloured(episode: Episode, predictions: Sequence[Prediction]) -> list[rrb.Container | rrb.View]:
-    """Towers in the colours of errors, and of chances: models behind each other, both side by side."""
-    errors: list[rrb.View] = []
-    chances: list[rrb.View] = []
-    eye = near_eye()
+def coloured_towers(
+    predictions: Sequence[Prediction], eye: rrb.EyeControls3D, root: str = ""
+) -> list[rrb.Spatial3DView]:
+    """Towers in the colours of each model's errors, then in those of each selector's chances."""
+    errors, chances = [], []
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
+        base = [root + path for path in _BASE]
         if len(prediction.frame):
-            errors.append(spatial(f"error, {label}", [*_BASE, f"{model_path(label)}/error"], eye))
+            errors.append(spatial(f"error, {label}", [*base, f"{root}{model_path(label)}/error"], eye))
         if has_chances(prediction):
-            chances.append(spatial(f"chance to fail, {prediction.name}", [*_BASE, f"{model_path(label)}/chance"], eye))
-    return [views[0] if len(views) == 1 else rrb.Tabs(contents=views) for views in (errors, chances) if views]
+            of = f"chance to fail, {prediction.name}"
+            chances.append(spatial(of, [*base, f"{root}{model_path(label)}/chance"], eye))
+    return [*errors, *chances]
+
+
+def _coloured(predictions: Sequence[Prediction]) -> list[rrb.Container | rrb.View]:
+    """Errors of models behind each other, and beside them the chances."""
+    views = coloured_towers(predictions, near_eye())
+    errors = sum(len(prediction.frame) > 0 for prediction in predictions)
+    groups = (views[:errors], views[errors:])
+    return [group[0] if len(group) == 1 else rrb.Tabs(contents=group) for group in groups if group]
 
 
 def _forces(episode: Episode) -> rrb.View | None:

@@ -64,7 +64,7 @@ def close_to(points: Float[np.ndarray, "*batch 3"]) -> rrb.EyeControls3D:
     """From where a view looks at a few centimetres of the air, from above and beside."""
     flat = points.reshape(-1, 3)
     low, high = flat.min(axis=0), flat.max(axis=0)
-    distance = 0.03 + float(np.linalg.norm(high - low))
+    distance = 0.02 + 0.6 * float(np.linalg.norm(high - low))
     return _orbit((low + high) / 2, (low + high) / 2 + distance * np.array([-0.35, -0.75, 0.55]))
 
 
@@ -82,7 +82,7 @@ def plots(found: Sequence[Series], whole: rrb.TimeAxis) -> list[rrb.Container | 
     views: list[rrb.Container | rrb.View] = []
     tabs: dict[str, list[rrb.View]] = {}
     for (tab, name), lines in plots.items():
-        view = curves(name, lines, whole)
+        view = curves(name, lines, whole, corner=_free_corner(lines, found))
         if tab:
             tabs.setdefault(tab, []).append(view)
         else:
@@ -90,8 +90,20 @@ def plots(found: Sequence[Series], whole: rrb.TimeAxis) -> list[rrb.Container | 
     return views + [rrb.Tabs(contents=contents, name=tab) for tab, contents in tabs.items()]
 
 
+def _free_corner(lines: Sequence[Series], found: Sequence[Series]) -> rrb.Corner2D:
+    """Where the legend hides least: on the right where the lines end before half of the time that is shown."""
+    begin, end = min(s.time_ns[0] for s in found), max(s.time_ns[-1] for s in found)
+    early = max(s.time_ns[-1] for s in lines) - begin < (end - begin) / 2
+    return rrb.Corner2D.RightTop if early else rrb.Corner2D.LeftTop
+
+
 def curves(
-    name: str, lines: list[Series], time: rrb.TimeAxis, root: str = "", top: float | None = None
+    name: str,
+    lines: list[Series],
+    time: rrb.TimeAxis,
+    root: str = "",
+    top: float | None = None,
+    corner: rrb.Corner2D = rrb.Corner2D.LeftTop,
 ) -> rrb.TimeSeriesView:
     """Lines in one plot; `top` is the end of its axis where several plots share one scale."""
     values = np.concatenate([series.value.ravel() for series in lines])
@@ -104,5 +116,5 @@ def curves(
         name=name,
         axis_x=time,
         axis_y=rrb.ScalarAxis(range=(low - 0.05 * room, high + 0.3 * room)),
-        plot_legend=rrb.PlotLegend(corner=rrb.Corner2D.LeftTop),
+        plot_legend=rrb.PlotLegend(corner=corner),
     )
