@@ -145,7 +145,30 @@ def report() -> dict[str, Verb]:
         text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
         return Shown(json, found, text)
 
-    return {"selection": selection}
+    def figures(
+        out: Path,
+        selection: MaybePath = None,
+        extraction: MaybePath = None,
+        models: tuple[Path, ...] = (),
+        results: tuple[Path, ...] = (),
+        json: Json = False,
+    ) -> Shown:
+        """Every figure and table of the paper from own logs: rounds, key frames, pushes, predictions, touch, tables.
+
+        Args:
+            out: folder of the figures, with figures.json and .md that say what each shows and which are missing.
+            selection: folder of selection logs, or of a selection dataset.
+            extraction: folder of extraction logs.
+            models: folders of checkpoints; dynamics models are drawn beside the truth.
+            results: folders (or files) with JSON of `report selection` and `eval extraction`, for the tables.
+        """
+        from jenga_control.summary.figures import report_figures
+        from jenga_control.summary.results import read_results
+
+        found = report_figures(out, selection, extraction, models, read_results(results))
+        return Shown(json, found, f"{found.pop('text')}\nwritten: {', '.join(found['written'])}")
+
+    return {"selection": selection, "figures": figures}
 
 
 def bench() -> dict[str, Verb]:
