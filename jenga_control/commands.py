@@ -100,8 +100,8 @@ def evaluate() -> dict[str, Verb]:
             out: folder of the logs; the same command goes on where it was interrupted.
             model: folders of dynamics checkpoints; the objective "full" needs one, and is evaluated with each.
             objective: MPPI on O_a + O_d (full) or on O_a alone (naive), a straight pull (straight-0.15, in m/s), or
-                hindsight, the best of many pulls; full-paper, full-best and full-simulator say what the options
-                below do. The first is reported, the others are its baselines from the same grasp.
+                hindsight (hindsight-12), the best of 8 (12) pulls; full-paper, full-best and full-simulator say what
+                the options below do. The first is reported, the others are its baselines from the same grasp.
             dynamics: what predicts the tower for the objective "full".
             towers: how many.
             preset: of the search; the paper's clips what it executes, the best one samples within the limits.
