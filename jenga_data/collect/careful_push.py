@@ -23,8 +23,7 @@ _X = np.eye(3)[0]
 _RUN_UP = 0.012
 """A tap starts so far in front of the block [m]."""
 TAPS = 8
-ENOUGH = 0.013
-"""The target is pushed out far enough to be grasped [m]."""
+"""At most."""
 
 SETTINGS = {"turn_back": TURN_BACK, "give_up": GIVE_UP, "tap_speed": TAP_SPEED, "tap": TAP, "taps": TAPS}
 
@@ -39,8 +38,9 @@ class CarefulSkills(Skills):
         self._before = self._recording.poses[-1]
         if self._slow_part(path):
             return
+        enough = self._config.push_distance - self._config.push_tolerance
         for _ in range(TAPS):
-            if self._moved() > GIVE_UP or self._out() >= ENOUGH or self._recording.has_collapsed():
+            if self._moved() > GIVE_UP or self._out() >= enough or self._recording.has_collapsed():
                 return
             self._tap()
 
