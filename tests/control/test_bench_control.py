@@ -1,9 +1,11 @@
 """The loop without graph composition decides as the one with it, and faster; the simulator predicts itself."""
 
+from copy import deepcopy
 from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from closed_loops import CHEAP, MODEL, TARGET, tower
 from made_up_dataset import dynamics_dataset, untrained
 from short_towers import short_towers
@@ -95,6 +97,29 @@ def test_looking_ahead_changes_nothing(trunk):
     looked, steady = (trunk.branch(policy) for policy in (Looks(), Steady()))
     states = [[m.sim_state for m in branch.tape.messages if hasattr(m, "sim_state")] for branch in (looked, steady)]
     np.testing.assert_array_equal(*states)
+
+
+class Asks:
+    """A model that wants to know how hard the block is pulled at."""
+
+    device = torch.device("cpu")
+
+    def start(self, state, target, lag):
+        self.lag = lag
+
+    def step(self, pose, action):
+        return pose
+
+
+def test_a_model_that_asks_is_told_how_far_the_hand_is_ahead(trunk):
+    view, asks = deepcopy(trunk.view), Asks()
+    learned, state = Learned(asks), view.recording.world.tower_state()
+    learned.enter(view)
+    learned.start(state, view.recording.target)
+    np.testing.assert_array_equal(asks.lag, np.zeros(3))
+    view.hand.begin(np.array([-0.002, 0.0, 0.0005]))
+    learned.start(state, view.recording.target)
+    np.testing.assert_allclose(asks.lag, [-0.002, 0.0, 0.0005], atol=1e-12)
 
 
 def test_the_simulator_as_a_model_needs_a_running_world():
