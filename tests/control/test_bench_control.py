@@ -96,7 +96,7 @@ def test_looking_ahead_changes_nothing(trunk):
 
     looked, steady = (trunk.branch(policy) for policy in (Looks(), Steady()))
     states = [[m.sim_state for m in branch.tape.messages if hasattr(m, "sim_state")] for branch in (looked, steady)]
-    np.testing.assert_array_equal(*states)
+    np.testing.assert_array_equal(states[0], states[1])
 
 
 class Asks:
@@ -104,7 +104,7 @@ class Asks:
 
     device = torch.device("cpu")
 
-    def start(self, state, target, lag):
+    def start(self, state, target, lag=None):
         self.lag = lag
 
     def step(self, pose, action):

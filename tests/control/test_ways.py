@@ -24,10 +24,14 @@ STEP = CONTROL_STEP_NS * 1e-9
 class MadeUpTrunk(Trunk):
     """A grasped tower that comes out at some speeds only; notes at which speeds it was pulled."""
 
-    seed, number, grasped = 900_000, 3, True  # pyright: ignore[reportAssignmentType]
+    seed, number = 900_000, 3
 
     def __init__(self, ends):
         self.ends, self.pulled = ends, []
+
+    @property
+    def grasped(self) -> bool:
+        return True
 
     def branch(self, policy, all_actions=False):
         speed = 0.0
