@@ -105,7 +105,7 @@ class Asks:
     device = torch.device("cpu")
 
     def start(self, state, target, lag=None):
-        self.lag = lag
+        self.lag = np.asarray(lag)
 
     def step(self, pose, action):
         return pose
