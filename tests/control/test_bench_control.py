@@ -132,8 +132,10 @@ def test_a_bench_reports_our_rate_and_two_ratios(model):
     with short_towers(3):
         found = bench_control(model, towers=1, threads=1, simulator_samples=1, config=CHEAP)
     assert found["against_composed"]["value"] == found["decisions"]["value"] > 0
-    assert found["against_composed"]["ratio"] > 1.5
-    assert found["against_simulator"]["ratio"] > 5
+    cpu = found["cpu_ms"]  # what else the machine does is no matter
+    assert cpu["composed"] > 1.5 * cpu["ours"] > 0
+    assert cpu["simulator"] > 5 * cpu["ours"]
+    assert found["against_simulator"]["ratio"] > 1
     assert (found["samples"], found["horizon"]) == (100, 5)
     assert "100 samples of 5 steps" in found["text"]
 
