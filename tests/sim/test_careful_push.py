@@ -38,6 +38,7 @@ class Patient(Counting):
     """Looks on, whatever moves."""
 
     turn_back = np.inf
+    give_up = 0.0
 
 
 def pushed(skills: type[Skills], meddle: float = 0.0) -> Workplace:
@@ -56,11 +57,10 @@ def way(place: Workplace) -> np.ndarray:
 
 @pytest.mark.usefixtures("unchecked_shapes")
 def test_looking_on_changes_nothing_of_a_push():
-    """Of one that takes its layer along, as in this light tower: it is then given up, without a tap."""
+    """Also of one that meets too much force, which then ends without a tap if that is what is asked for."""
     plain, careful = pushed(Skills), pushed(Patient)
     assert isinstance(careful.skills, Counting)
     assert careful.skills.taps == 0
-    assert careful.skills.cause == "push_dragged_layer"
     np.testing.assert_array_equal(way(plain), way(careful))
 
 
@@ -72,4 +72,4 @@ def test_it_turns_back_when_another_block_moves_and_stops_before_the_layer_is_go
     out = np.array([frame.pose[target, 0] for frame in place.log.frames])
     assert out[-1] - out[0] < 0.018
     assert TURN_BACK < GIVE_UP
-    assert place.skills.taps <= 1
+    assert place.skills.taps <= 3
