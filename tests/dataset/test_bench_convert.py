@@ -93,6 +93,7 @@ def test_both_sides_make_the_same_rows(kind, request):
                     assert theirs[name] == ours
                 else:
                     np.testing.assert_allclose(np.asarray(theirs[name]), ours, rtol=1e-5, atol=1e-6, err_msg=name)
+        assert theirs.edge_index is not None
         for name, values in {"edge_upper": theirs.edge_index[0], "edge_force": theirs.edge_attr}.items():
             ragged = rows[name]
             assert isinstance(ragged, Ragged)
