@@ -1,6 +1,7 @@
 """The two tables of the paper with ours beside them: what was measured, or the command that measures it."""
 
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -70,7 +71,7 @@ _GRAPHS = {
 _OBJECTIVES = {
     "naive": "O_a alone",
     "full": "O_a + O_d",
-    "straight": "straight pull at one speed (trivial, not in the paper)",
+    "straight": "straight pull (trivial, not in the paper)",
 }
 
 
@@ -162,7 +163,7 @@ def tables_figure(tables: list[PaperTable]) -> Figure:
     handles = [
         grid[0].plot([], [], "D", color=MUTED_INK, label="the paper")[0],
         grid[0].plot([], [], "o", color=BLUE, label="ours")[0],
-        grid[0].plot([], [], "s", color=VERMILLION, label="ours, no model of the paper")[0],
+        grid[0].plot([], [], "s", color=VERMILLION, label="ours: baseline or ceiling")[0],
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
@@ -173,18 +174,18 @@ def _draw(axes: Axes, table: PaperTable) -> None:
     for y, line in zip(places, table.lines, strict=True):
         look = ("o", BLUE) if line.is_model else ("s", VERMILLION)
         shifts = (0.17, -0.17) if line.paper else (0.0, 0.0)
-        for shift, value, (marker, colour) in zip(
-            shifts, (line.paper, line.ours), (("D", MUTED_INK), look), strict=True
-        ):
+        looks = (("D", MUTED_INK), look)
+        for shift, value, (marker, colour) in zip(shifts, (line.paper, line.ours), looks, strict=True):
             if value is None or value.get("rate") is None:
                 continue
-            axes.hlines(y + shift, *value["ci95"], color=colour)
-            axes.plot(value["rate"], y + shift, marker, color=colour)
-            axes.text(1.01, y + shift, number(value), transform=axes.get_yaxis_transform(), va="center", fontsize=11)
+            low, high = zip(value["ci95"], value.get("ci95_towers") or value["ci95"], strict=True)
+            axes.hlines(y + shift, min(low), max(high), color=colour)
+            axes.plot(value["rate"], y + shift, marker, color=colour, clip_on=False, zorder=3)
+            axes.text(1.03, y + shift, number(value), transform=axes.get_yaxis_transform(), va="center", fontsize=11)
         if line.paper and not line.ours:
-            axes.text(1.01, y - 0.17, "ours: not measured", transform=axes.get_yaxis_transform(), va="center",
+            axes.text(1.03, y - 0.17, "ours: not measured", transform=axes.get_yaxis_transform(), va="center",
                       fontsize=11, color=MUTED_INK)  # fmt: skip
-    axes.set_yticks(places, [line.name for line in table.lines])
+    axes.set_yticks(places, [fill(line.name, 24) for line in table.lines])
     axes.set(xlim=(0.0, 1.0), ylim=(places[-1] - 0.6, 0.6), xlabel=f"{table.quantity}, 95 % interval")
     axes.set_title(table.title, loc="left")
     axes.grid(visible=False, axis="y")
