@@ -8,7 +8,14 @@ from jenga_control.summary.paper_tables import EXTRACTION_COMMAND, SELECTION_COM
 from jenga_control.summary.results import Result, Results
 from jenga_data.report import number, with_interval
 
-REPLICATES, OPEN, CONTRADICTED, MISSING = "replicates", "open: not shown by these data", "contradicted", "not measured"
+REPLICATES, OPEN, CONTRADICTED = "replicates", "open: not shown by these data", "contradicted"
+SLOWER, MISSING = "not reached on this machine", "not measured"
+_FAST = 27.0
+"""About 30 Hz [Hz]."""
+
+
+FEWEST = 30
+"""Trials below which no finding is decided."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +72,19 @@ def _looked(result: Result | None, look: Callable[[dict[str, Any]], tuple[str, s
         return None
 
 
-def above(value: float, ci95: Sequence[float] | None, level: float) -> str:
-    """Whether a value is shown to lie above a level, below it, or neither."""
-    if ci95 is None:
+def above(ci95: Sequence[float] | None, level: float, n: int) -> str:
+    """Whether a quantity is shown to lie above a level, below it, or neither.
+
+    With fewer than `FEWEST` trials it stays open: an interval drawn from a handful of towers is far too short.
+    """
+    if ci95 is None or n < FEWEST:
         return OPEN
     low, high = ci95
     return REPLICATES if low > level else CONTRADICTED if high < level else OPEN
+
+
+_NO_BENEFIT = 0.02
+"""A gain in accuracy by less than this counts as none."""
 
 
 def _poses(report: dict[str, Any]) -> tuple[str, str] | None:
@@ -81,7 +95,8 @@ def _poses(report: dict[str, Any]) -> tuple[str, str] | None:
     pair = max(pairs, key=lambda pair: pair["n"])
     low, high = pair["ci95"] or (None, None)
     helps = low is not None and low > 0
-    verdict = CONTRADICTED if helps else REPLICATES if high is not None and high <= 0.02 else OPEN
+    verdict = CONTRADICTED if helps else REPLICATES if high is not None and high <= _NO_BENEFIT else OPEN
+    verdict = verdict if pair["n"] >= FEWEST else OPEN
     note = "" if models else " (baselines, no graph networks)"
     return pair["sentence"] + note, verdict
 
@@ -95,7 +110,7 @@ def _above_majority(report: dict[str, Any]) -> tuple[str, str] | None:
     accuracy, majority = row["accuracy"], report["majority"]
     low, high = zip(accuracy["ci95"], accuracy.get("ci95_towers") or accuracy["ci95"], strict=True)
     here = f"`{name}` {number(accuracy)}; majority {majority['rate']:.2f}"
-    return here, above(accuracy["rate"], (min(low), max(high)), majority["rate"])
+    return here, above((min(low), max(high)), majority["rate"], accuracy["n"])
 
 
 def _objectives(report: dict[str, Any]) -> tuple[str, str] | None:
@@ -109,14 +124,14 @@ def _objectives(report: dict[str, Any]) -> tuple[str, str] | None:
     here += (
         f"; paired difference {with_interval(paired['difference'], paired['ci95'])}, p = {number(paired['p_value'])}"
     )
-    return here, above(paired["difference"], paired["ci95"], 0.0)
+    return here, above(paired["ci95"], 0.0, paired["n"])
 
 
 def _rate(report: dict[str, Any]) -> tuple[str, str] | None:
     hz = (by_way(report).get("full") or {}).get("control_hz")
     if hz is None:
         return None
-    return f"{hz:.1f} decisions a second on the machine of the evaluation", REPLICATES if hz >= 27 else CONTRADICTED
+    return f"{hz:.1f} decisions a second on the machine of the evaluation", REPLICATES if hz >= _FAST else SLOWER
 
 
 def _pushes(report: dict[str, Any]) -> tuple[str, str] | None:
@@ -137,7 +152,9 @@ def _touch(report: dict[str, Any]) -> tuple[str, str] | None:
     if same["value"] is not None:
         here += f"; among pulls of the same speed {with_interval(same['value'], same['ci95'])}"
     decisive = same if same["value"] is not None else plain
-    return here, above(decisive["value"], decisive["ci95"], 0.5)
+    return here, above(
+        decisive["ci95"], 0.5, min(report["erraticness"][group]["n"] for group in ("success", "failure"))
+    )
 
 
 def _movable(report: dict[str, Any]) -> tuple[str, str] | None:

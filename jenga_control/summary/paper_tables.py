@@ -139,7 +139,7 @@ def extraction_table(results: Results) -> PaperTable:
             continue
         own = ways.get(name)
         hz = (own or {}).get("control_hz")
-        note = f"{hz:.1f} decisions a second" if hz else ""
+        note = f"decides at {hz:.1f} Hz" if hz and name != "straight" else ""
         lines.append(Line(label, paper.get(name), own["success"] if own else None, note, name != "straight"))
     others = [(name, own) for name, own in ways.items() if name not in _OBJECTIVES]
     lines += [Line(name, None, own["success"], "not in the paper") for name, own in others]

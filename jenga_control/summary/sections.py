@@ -22,7 +22,7 @@ def datasets(results: Results) -> list[Block]:
     rows: list[Sequence[Cell]] = []
     for result in found:
         data, counts = result.data, result.data["counts"]
-        outcomes = ", ".join(f"{n:,} {name}" for name, n in sorted((counts.get("outcome") or {}).items()))
+        outcomes = ", ".join(f"{name} {n:,}" for name, n in sorted((counts.get("outcome") or {}).items()))
         rows.append(
             (
                 f"`{data['name']}@{data['version']}`",
@@ -198,7 +198,7 @@ def control(results: Results) -> list[Block]:
     for name, own in by_way(found.data).items():
         paired = own.get("paired")
         against = with_interval(paired["difference"], paired["ci95"]) if paired else ""
-        causes = ", ".join(f"{n} {cause}" for cause, n in sorted(own["causes"].items(), key=lambda item: -item[1]))
+        causes = ", ".join(f"{cause} {n}" for cause, n in sorted(own["causes"].items(), key=lambda item: -item[1]))
         clean, moved = own.get("success_without_dragging"), own.get("median_disturbance_mm")
         hz = own.get("control_hz")
         rows.append((name, number(own["success"]), number(clean), against, moved, hz, causes))
@@ -260,4 +260,4 @@ def _not(command: str, what: str = "Not measured") -> str:
 def _pictures(result: Result, most: int) -> list[Block]:
     """What a command drew beside its JSON: files that begin with its name."""
     paths = sorted(result.path.parent.glob(f"{result.path.stem}*.png"))[:most]
-    return [Figure(path, f"{path.stem.replace('-', ' ')}", f"`{path.name}`", embed=True) for path in paths]
+    return [Figure(path, f"{path.stem.replace('-', ' ')}", f"`{path.name}`", embed=True, small=True) for path in paths]
