@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 
 import numpy as np
-from jaxtyping import Float
 from matplotlib.figure import Figure
 
 from jenga_data.episode import Episode
@@ -12,6 +11,7 @@ from jenga_data.figures.scenes import Row, Scene, rows_figure
 from jenga_data.palette import block_colours
 from jenga_data.replay.measures import MM, displacement, others
 from jenga_data.replay.summary import target_words
+from jenga_data.tower import turn_poses
 
 CASES = {
     "": "a good push",
@@ -21,8 +21,6 @@ CASES = {
 }
 """By the cause that a log names, "" for none."""
 _PUSH, _AFTER = "push", "turn_back"
-_ASIDE = 0.75
-"""How far to the side the eye stands, in parts of how far it stands in front."""
 
 
 def chosen_pushes(logs: Sequence[Logged]) -> dict[str, Logged]:
@@ -52,16 +50,10 @@ def _row(cause: str, episode: Episode) -> Row | None:
         target = float(moved[frame, episode.header.target])
         rest = float(np.max(moved[frame, others(episode)]))
         caption = f"{words}\ntarget {target:.0f} mm, others {rest:.0f} mm"
-        return Scene(episode.pose[frame], colours, caption)
+        # What is pushed comes out at +x; the picture looks from -x, where the light is.
+        return Scene(turn_poses(episode.pose[frame], np.pi), colours, caption)
 
     title = f"{CASES[cause]}; {target_words(episode.header)}, round {episode.header.round}"
     ended = episode.result.verdict.outcome if episode.result else "unknown"
     scenes = [scene(before, "before"), scene(after, "after the push"), scene(last, f"end: {ended}")]
-    return Row(
-        title, episode.header.blocks.size, scenes, _azimuth(episode.pose[before, episode.header.target]), framed=2
-    )
-
-
-def _azimuth(target: Float[np.ndarray, "7"]) -> float:
-    """From the side where the pushed block comes out, and where it lies across the tower [rad]."""
-    return float(np.arctan2(_ASIDE if target[1] >= 0 else -_ASIDE, 1.0))
+    return Row(title, episode.header.blocks.size, scenes, framed=2)

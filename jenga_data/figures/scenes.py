@@ -8,7 +8,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from jenga_data.palette import INK, MUTED_INK, error_colours
 from jenga_data.replay.picture import AZIMUTH, render_tower, tower_camera
@@ -71,7 +71,7 @@ def rows_figure(rows: Sequence[Row], full_scale: float | None = None) -> Figure:
     return figure
 
 
-def _explain(figure: Figure, grid: list[Axes], full_scale: float) -> None:
+def _explain(figure: FigureBase, grid: list[Axes], full_scale: float) -> None:
     steps = error_colours(np.linspace(0, full_scale, 256), full_scale)
     scale = ScalarMappable(Normalize(0, 1e3 * full_scale), ListedColormap(steps.tolist()))
     figure.colorbar(scale, ax=grid, location="right", fraction=0.03, aspect=30, extend="max", label="error [mm]")
