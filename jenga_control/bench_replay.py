@@ -127,7 +127,7 @@ def untrained() -> Checkpoint:
     spec = graph_spec(config.graph)
     edges = attribute_width(spec) if config.edge_attributes else 0
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, Normalisation.none(spec.node_width, edges))
-    network = build(config, spec.node_width, featurizer.edge_width).eval()
+    network = build(config, spec, featurizer.edge_width).eval()
     return Checkpoint(
         "dynamics", config, featurizer, network, TrainedOn("none", "0.0.0", ""), {}, {}, Path("untrained"), "0" * 64
     )

@@ -1,5 +1,6 @@
 """What the controller asks of a model of the tower, and two that answer: a learned one and the trivial one."""
 
+from inspect import signature
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -7,6 +8,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from jenga_data.collect.extraction import View
+from jenga_data.sim.fingers import Fingers
 from jenga_data.tower import TowerState
 
 
@@ -64,20 +67,51 @@ class StepModel(Protocol):
         ...
 
 
+@runtime_checkable
+class PlanModel(Protocol):
+    """A model that answers whole plans at once, all from the tower at `start`."""
+
+    def rollout(self, actions: Float[Tensor, "sample horizon 3"]) -> Float[Tensor, "sample horizon+1 block 7"]:
+        """Poses now and after each action of every plan [m]."""
+        ...
+
+
 class Learned:
-    """A trained graph network simulator, all samples of a step in one forward pass."""
+    """A trained graph network simulator, all samples of a step in one forward pass.
+
+    A model whose `start` takes `lag` is told how far the hand's set point is ahead of the target [m], counted from
+    the grasp: how hard it is pulled at.
+    """
 
     def __init__(self, model: StepModel) -> None:
         self._model = model
+        self._takes_lag = "lag" in signature(model.start).parameters
+        self._view: View | None = None
+
+    def enter(self, view: View) -> None:
+        """Look at the hand from now on."""
+        self._view = view
+        self._ahead = self._offset(view.recording.world.pose[view.recording.target])
 
     def start(self, state: TowerState, target: int) -> None:
-        self._model.start(state, target)
+        told = {}
+        if self._takes_lag and self._view is not None:
+            told = {"lag": self._offset(state.pose[target]) - self._ahead}
+        self._model.start(state, target, **told)
         self._pose = state.pose.copy()
+
+    def _offset(self, pose: Float[np.ndarray, "7"]) -> Float[np.ndarray, "3"]:
+        """From the target to the hand's set point [m]."""
+        hand = self._view.hand if self._view else None
+        return hand.set_point - pose[:3] if isinstance(hand, Fingers) else np.zeros(3)
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
         samples, horizon, _ = actions.shape
         with torch.inference_mode():
             device = self._model.device
+            if isinstance(self._model, PlanModel):
+                plans = torch.as_tensor(actions, dtype=torch.float32, device=device)
+                return self._model.rollout(plans).cpu().double().numpy()
             pose = torch.as_tensor(self._pose, dtype=torch.float32, device=device).expand(samples, -1, -1)
             plan = torch.as_tensor(actions, dtype=torch.float32, device=device)
             poses = [pose]

@@ -18,6 +18,7 @@ from jenga_data.graph_spec import GraphSpec, graph_spec
 from jenga_models.callbacks import KeepBest, MetricLog
 from jenga_models.checkpoint import load, save
 from jenga_models.columns import Rows, dataset_name
+from jenga_models.committee import Committee
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
@@ -86,7 +87,7 @@ def _train(
     spec = graph_spec(config.graph)
     problem = prepare(spec, train)
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, problem.normalisation)
-    module = lightning(build(config, spec.node_width, featurizer.edge_width), config)
+    module = lightning(build(config, spec, featurizer.edge_width), config)
     data = GraphData(
         problem.store,
         featurizer,
@@ -99,15 +100,28 @@ def _train(
     log, best = MetricLog(folder.metrics), KeepBest(config.patience)
     try:
         folder.begin()
-        fit(kind, config, module, data, log, best, folder, ready_state)
+        with torch.random.fork_rng(devices=[]):
+            fit(kind, config, module, data, log, best, folder, ready_state)
         module.load_state_dict(best.weights)
-        metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
+        towers = len(np.unique(dataset.column("tower")[train]))
+        size = {"training_rows": float(len(train)), "training_towers": float(towers)}
+        metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), **size}
         network = module.get_submodule("network")
+        if isinstance(network, Committee) and isinstance(config, SelectionTraining) and config.calibrate:
+            _calibrate(network, data)
         save(out, network, config, spec, problem.normalisation, dataset, metrics)
         shutil.rmtree(folder.state)
     except OSError as error:
         raise JengaError(f"cannot write {out}: {error.strerror or error}; make room, then add --resume") from error
     return TrainResult(out, load(out).hash, metrics, time.monotonic() - started)
+
+
+def _calibrate(network: Committee, data: GraphData) -> None:
+    network.cpu().eval()
+    with torch.no_grad():
+        said = [(network(batch.graphs), batch.wanted) for batch in data.validation_batches()]
+    logits, wanted = (torch.cat(parts) for parts in zip(*said, strict=True))
+    network.calibrate(logits, wanted)
 
 
 def _split(
@@ -124,13 +138,31 @@ def _split(
     train, validation = (np.sort(dataset.rows(split)).astype(np.int64) for split in ("train", "validation"))
     if config.train_on_validation:
         train, validation = np.sort(np.concatenate([train, validation])), validation[:0]
+    if config.training_towers:
+        train = _of_towers(dataset, train, config.training_towers)
     if config.accelerator == "cuda" and not torch.cuda.is_available():
         raise JengaError("accelerator is cuda, and torch sees no GPU; allowed here: auto, cpu")
     if len(train) == 0:
         raise JengaError(f"{name} has no training rows; convert more episodes")
-    if config.patience and len(validation) == 0:
+    calibrate = isinstance(config, SelectionTraining) and config.calibrate
+    if (config.patience or calibrate) and len(validation) == 0:
         raise JengaError(
-            f"{name} has no validation rows to stop early by; convert more towers, or set patience to 0 "
-            "and train_on_validation"
+            f"{name} has no validation rows to stop early and calibrate by; convert more towers, or set patience to 0, "
+            "calibrate off and train_on_validation"
         )
     return train, validation
+
+
+def _of_towers(dataset: Rows, rows: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " kept"]:
+    """The rows of the first `count` towers by their hash, which has nothing to do with what they are like.
+
+    Raises:
+        JengaError: there are fewer.
+    """
+    tower = dataset.column("tower")[rows]
+    known = np.unique(tower)
+    if count > len(known):
+        raise JengaError(
+            f"training_towers is {count}; {dataset_name(dataset)} has {len(known)} to train on; 0 takes all of them"
+        )
+    return rows[np.isin(tower, known[:count])]

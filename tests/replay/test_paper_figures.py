@@ -84,8 +84,11 @@ def test_what_cannot_be_drawn_is_named_with_its_reason(logs: Path, tmp_path: Pat
 
 
 def pushed(episode: Episode) -> Episode:
+    """The made-up pull mirrored: a stick pushes towards +x."""
+    pose = episode.pose.copy()
+    pose[:, TARGET, 0] = -pose[:, TARGET, 0]
     phases = [Phase(frame, int(episode.time_ns[frame]), name) for frame, name in ((20, "push"), (60, "turn_back"))]
-    return replace(episode, phases=phases)
+    return replace(episode, pose=pose, phases=phases)
 
 
 def test_a_push_is_shown_before_after_and_at_the_end_with_how_far_it_moved(episode: Episode) -> None:
@@ -97,7 +100,8 @@ def test_a_push_is_shown_before_after_and_at_the_end_with_how_far_it_moved(episo
     assert len(shown) == 3
     assert min(blue(image) for image in shown[:2]) > 200
     words = [text.get_text() for axes in all_axes(figure) for text in axes.texts]
-    moved = 1e3 * np.linalg.norm(episode.pose[60, TARGET, :3] - episode.pose[0, TARGET, :3])
+    pose = pushed(episode).pose[:, TARGET, :3]
+    moved = 1e3 * np.linalg.norm(pose[60] - pose[0])
     assert any(text.startswith(f"after the push\ntarget {moved:.0f} mm, others") for text in words)
     assert pushes_figure({"": episode}) is None  # nobody pushes
 
