@@ -57,7 +57,7 @@ def _finding(
     look: Callable[[dict[str, Any]], tuple[str, str] | None],
     command: str,
 ) -> Finding:
-    result = results.best(kind)
+    result = results.best(kind) or results.best(f"{kind}_report")
     seen = _looked(result, look)
     here, verdict = seen or (f"not measured: run `{command}`", MISSING)
     return Finding(claim, paper, here, verdict, command)
@@ -117,7 +117,7 @@ def _objectives(report: dict[str, Any]) -> tuple[str, str] | None:
     ways = by_way(report)
     if not {"full", "naive"} <= ways.keys():
         return None
-    paired = ways["naive"].get("paired") if report["objective"] == "full" else None
+    paired = ways["naive"].get("paired") if report.get("objective") == "full" else None
     here = f"{number(ways['full']['success'])} against {number(ways['naive']['success'])}"
     if not paired:
         return here, OPEN

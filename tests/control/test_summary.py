@@ -147,6 +147,20 @@ def test_the_paper_stands_beside_ours(folder: Path) -> None:
     assert all("not measured: run `jenga eval extraction" in row[2] for row in empty.rows())
 
 
+def test_a_report_of_several_evaluations_serves_as_well(folder: Path) -> None:
+    told = extraction()
+    rows = {"full": told, **told["baselines"], "hindsight": told}
+    ways = {name: {k: v for k, v in row.items() if k != "baselines"} for name, row in rows.items()}
+    (folder / "runs" / "another.json").unlink()
+    write(folder, "extraction", {"ways": ways, "best_straight": "straight", "any": {}, "towers": 100})
+    results = read_results([folder])
+    lines = {row[0]: row for row in extraction_table(results).rows()}
+    assert lines["O_a + O_d"][2] == "0.60 [0.50, 0.69] (n = 100)"
+    assert lines["hindsight"][3].startswith("ceiling")
+    assert verdicts(folder)[OBJECTIVES] == OPEN  # it holds no paired difference of the two
+    assert "jenga report extraction" in Path(report_page(folder, results)["page"]).read_text()
+
+
 def test_departures_quote_the_settings_that_run() -> None:
     said = {departure.what: departure for departure in departures()}
     assert "at most 2 N" in said["pull of the selection data"].here
