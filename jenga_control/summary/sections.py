@@ -51,7 +51,7 @@ def calibration(results: Results) -> list[Block]:
             rows.append((kind, f"not measured: run `jenga calibrate {kind} --out DIR`", "", ""))
             continue
         rows += [(name, here, there, f"`jenga calibrate {kind}`") for name, here, there in make(result.data)]
-        pictures += _pictures(result, 1)
+        pictures += _pictures(result, 1, _DRAWN.get(kind, ""))
     head = ("Quantity", "Here", "Real towers, or what is asked for", "Command")
     return [Table(head, rows, "Seeds 800000 and up: towers that are in no dataset."), *pictures]
 
@@ -127,6 +127,17 @@ _CALIBRATIONS = {
 }
 
 
+_DRAWN = {
+    "movable": "Movable blocks by level, and the force at which they break away.",
+    "contacts": "Contact settings: at rest, in play, under a pull, and what they cost.",
+    "ceiling": "How often pulls fail and repeat, by round, and over repeats of one pull.",
+    "rounds": "Tries until a tower stood, by round.",
+    "speed": "Failures by the speed of the pull.",
+    "turntable": "What a turn moves, and the friction that it takes.",
+    "sleep": "Whether sleep, or a start 1 µm apart, changes how a pull ends.",
+}
+
+
 def selection(results: Results) -> list[Block]:
     """Models beside baselines with the same information, and the ceiling."""
     report = results.best("selection_report")
@@ -159,7 +170,7 @@ def _single_selectors(results: Results) -> list[Block]:
     return [Table(head, rows, "Single evaluations by `jenga eval selection`.")] if rows else []
 
 
-_HORIZONS = {"one_step": "1 step", "rollout_5": "5 steps, the controller's horizon", "rollout_51": "51 steps, a pull"}
+_HORIZONS = {"one_step": "one step", "rollout_5": "the controller's 5 steps", "rollout_51": "a pull's 51 steps"}
 
 
 def dynamics(results: Results) -> list[Block]:
@@ -258,7 +269,9 @@ def _not(command: str, what: str = "Not measured") -> str:
     return f"{what}: run `{command}`."
 
 
-def _pictures(result: Result, most: int) -> list[Block]:
+def _pictures(result: Result, most: int, words: str = "") -> list[Block]:
     """What a command drew beside its JSON: files that begin with its name."""
     paths = sorted(result.path.parent.glob(f"{result.path.stem}*.png"))[:most]
-    return [Figure(path, f"{path.stem.replace('-', ' ')}", f"`{path.name}`", embed=True, small=True) for path in paths]
+    return [
+        Figure(path, path.stem.replace("-", " "), words or f"`{path.name}`", embed=True, small=True) for path in paths
+    ]
