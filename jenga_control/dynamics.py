@@ -14,8 +14,11 @@ from jenga_data.tower import TowerState
 class Dynamics(Protocol):
     """Predicts what becomes of a tower under many plans at once. Implement these two to plug in an own model."""
 
-    def start(self, state: TowerState, target: int) -> None:
-        """The tower now, its target turned along x; every rollout starts here until the next call."""
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+        """The tower now, its target turned along x; every rollout starts here until the next call.
+
+        `lag` is how far the hand's set point is ahead of the hand [m]: how hard it pulls already. None is not known.
+        """
         ...
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
@@ -38,7 +41,7 @@ def target_moves(
 class NothingMoves:
     """The trivial dynamics: every other block stays. With it the full objective is the naive one."""
 
-    def start(self, state: TowerState, target: int) -> None:
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
         self._pose, self._target = state.pose.copy(), np.asarray(target)
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
@@ -49,7 +52,7 @@ class NothingMoves:
 
 @runtime_checkable
 class StepModel(Protocol):
-    """Takes many samples of one tower a control step on; `jenga_models.predict.LearnedDynamics` is one."""
+    """Takes many samples of one tower a control step on."""
 
     device: torch.device
 
@@ -64,14 +67,32 @@ class StepModel(Protocol):
         ...
 
 
-class Learned:
-    """A trained graph network simulator, all samples of a step in one forward pass."""
+@runtime_checkable
+class PlanModel(Protocol):
+    """Answers many plans for one tower at once; `jenga_models.predict.LearnedDynamics` is one."""
 
-    def __init__(self, model: StepModel) -> None:
+    device: torch.device
+
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+        """Fix the tower from which all plans start, its target, and what the hand's set point is ahead of it [m]."""
+        ...
+
+    def rollout(self, actions: Float[Tensor, "sample horizon 3"]) -> Float[Tensor, "sample horizon+1 block 7"]:
+        """Poses now and after each action of every plan."""
+        ...
+
+
+class Learned:
+    """A trained simulator: one that answers plans, or one that is stepped on its own predictions."""
+
+    def __init__(self, model: StepModel | PlanModel) -> None:
         self._model = model
 
-    def start(self, state: TowerState, target: int) -> None:
-        self._model.start(state, target)
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+        if isinstance(self._model, PlanModel):
+            self._model.start(state, target, lag)
+        else:
+            self._model.start(state, target)
         self._pose = state.pose.copy()
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
@@ -80,6 +101,8 @@ class Learned:
             device = self._model.device
             pose = torch.as_tensor(self._pose, dtype=torch.float32, device=device).expand(samples, -1, -1)
             plan = torch.as_tensor(actions, dtype=torch.float32, device=device)
+            if isinstance(self._model, PlanModel):
+                return self._model.rollout(plan).cpu().double().numpy()
             poses = [pose]
             for step in range(horizon):
                 poses.append(self._model.step(poses[-1], plan[:, step]))

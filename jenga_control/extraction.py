@@ -35,17 +35,27 @@ class MPPIPolicy:
         self._controller = Controller(search, rng)
         self._cost = cost
         self._dynamics = dynamics if cost.needs_dynamics else None
+        self._set_point: Float[np.ndarray, 3] | None = None
 
     def act(self, state: TowerState, target: int) -> Float[np.ndarray, "3"]:
         dynamics = self._dynamics
         if dynamics is not None:
-            dynamics.start(state, target)
+            dynamics.start(state, target, self._lag(state.pose[target, :3]))
 
         def rollout(plans: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, " sample"]:
             poses = dynamics.rollout(plans) if dynamics is not None else None
             return plan_cost(plans, poses, target, self._cost)
 
-        return self._controller.plan(rollout).action
+        action = self._controller.plan(rollout).action
+        if self._set_point is not None:
+            self._set_point = self._set_point + action
+        return action
+
+    def _lag(self, held: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
+        """How far the set point is ahead of what the hand holds, from where it was held at the first decision [m]."""
+        if self._set_point is None:
+            self._set_point = held.copy()
+        return self._set_point - held
 
 
 class StraightPull:

@@ -96,7 +96,7 @@ def run_extraction(
 def _run_with_gripper(
     config: ExtractionConfig, seed: int, number: int, stage: Stage, open_log: OpenLog, pull: "Pull", actor: Actor
 ) -> Result:
-    world, gripper = _scene(config, stage)
+    world, gripper = gripper_scene(config, stage)
     steps = config.physics.steps_a_frame
     header = header_of(config, seed, number, stage, actor)
 
@@ -137,7 +137,7 @@ def _run_with_gripper(
         return recording.finish(cause)
 
 
-def _scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Gripper]:
+def gripper_scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Gripper]:
     """The tower with the open gripper in front of the end that sticks out."""
     spec = base_spec(config.physics)
     add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)

@@ -36,11 +36,7 @@ def run_with_robot(
     Args:
         make_skills: for who wants to watch them.
     """
-    spec = base_spec(config.physics)
-    add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
-    add_workplace(spec, config.robot.arm, config.gripper, config.physics)
-    world = World(spec, stage.blocks, stage.layout)
-    robot = Robot(world, config.robot.arm, config.gripper)
+    world, robot = robot_scene(config, stage)
     header = header_of(config, seed, number, stage, actor, robot.model())
 
     with open_log(header, xml_with_start(world.spec, world.data)) as log:
@@ -56,6 +52,15 @@ def run_with_robot(
         recording.phase("observe")
         observe(recording, config.physics, skills.watching)
         return recording.finish(skills.cause)
+
+
+def robot_scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Robot]:
+    """The tower in the robot's workplace, the arm at its home."""
+    spec = base_spec(config.physics)
+    add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
+    add_workplace(spec, config.robot.arm, config.gripper, config.physics)
+    world = World(spec, stage.blocks, stage.layout)
+    return world, Robot(world, config.robot.arm, config.gripper)
 
 
 def _rollout(
