@@ -46,8 +46,8 @@ GRAPHS: dict[str, GraphSpec] = {
         GraphSpec("G_e+motion", ("block_size", "block_mass", "target_flag", "block_pose", "block_twist"), action=True),
     )
 }
-"""The graphs of the paper (section II-B, II-C), and G_s with the layout, which tells a middle block from a side one; and
-G_e with sizes and velocities, without which nobody can say what a contact does."""
+"""The graphs of the paper (section II-B, II-C), and G_s with the layout, which tells a middle block from a side one;
+and G_e with sizes and velocities, without which nobody can say what a contact does."""
 
 
 def graph_spec(name: str) -> GraphSpec:

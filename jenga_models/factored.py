@@ -128,7 +128,7 @@ class Factored(nn.Module):
         return motion + self.twist(hidden) * self.unit
 
     def forward(self, graphs: Graphs) -> Float[Tensor, "node horizon 12"]:
-        """A flat batch of graphs, each with its own plan [m]: motion in each step, and the same at the speed after it."""
+        """A flat batch of graphs, each with its own plan [m]: motion in each step, and at the speed after it."""
         assert graphs.action is not None, "this model needs plans"
         assert graphs.graph is not None, "this model needs a flat batch; a static one is for `look` and `answers`"
         look = self.look(graphs)

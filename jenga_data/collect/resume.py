@@ -15,11 +15,14 @@ from jenga_data.sim.gripper import Gripper
 from jenga_data.sim.set_point import SetPoint
 from jenga_data.sim.world import World
 
-Known = Literal["poses", "poses and hand", "poses and velocities", "all"]
+Known = Literal["poses", "poses and hand", "poses and velocities", "velocities and set point", "all"]
 """What a restart is told: where everything is, with nothing moving; the hand's and its target's velocity as well; those
-of all blocks; and how far the hand lags behind its set point, that is how hard it pulls. "all" goes on as the log does.
+of all blocks; and how far the hand lags behind its set point, that is how hard it pulls. Poses are rounded as in a
+dataset's rows, but for "all", which goes on as the log does.
 """
-KNOWN: tuple[Known, ...] = ("poses", "poses and hand", "poses and velocities", "all")
+KNOWN: tuple[Known, ...] = ("poses", "poses and hand", "poses and velocities", "velocities and set point", "all")
+ROUNDING = 2.0**-23
+"""Of poses in rows, see `jenga_data.dataset.schema` [m]."""
 
 
 class Resumed:
@@ -66,11 +69,15 @@ class Resumed:
             self.hand.recall(self._memory[number])
             return
         twist = np.zeros_like(self.episode.twist[frame])
-        if known == "poses and velocities":
+        if known in ("poses and velocities", "velocities and set point"):
             twist = self.episode.twist[frame]
         elif known == "poses and hand":
             twist[self.episode.header.target] = self.episode.twist[frame, self.episode.header.target]
-        self.hand.forget(moving=known != "poses")
+        if known == "velocities and set point":
+            self.hand.recall(self._memory[number])
+        else:
+            self.hand.forget(moving=known != "poses")
+        world.set_tower(np.round(world.pose / ROUNDING) * ROUNDING)
         world.set_twist(twist)
 
     def play(self, actions: Float[np.ndarray, "step 3"]) -> Float[np.ndarray, "step block 7"]:
