@@ -47,7 +47,7 @@ class Branches:
     twist: Float[np.ndarray, "block 6"]
     lag: Float[np.ndarray, "3"]
     plan: Float[np.ndarray, "branch step 3"]
-    pose: Float[np.ndarray, "branch step+1 block 7"]
+    pose: Float[np.ndarray, "branch moment block 7"]
 
     def write(self, path: Path) -> None:
         beside = path.with_name(path.name + ".partial")
@@ -62,7 +62,7 @@ class Branches:
             CheckFailed: the file is damaged.
         """
         try:
-            with np.load(path, allow_pickle=False) as held:
+            with path.open("rb") as file, np.load(file, allow_pickle=False) as held:
                 values: dict[str, Any] = {field.name: held[field.name] for field in fields(cls)}
         except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
             raise CheckFailed(f"{path} is damaged: delete it and run the same command again") from None
@@ -146,7 +146,7 @@ def lag_before(episode: Episode, number: int) -> Float[np.ndarray, "3"]:
 
 
 def _branches(
-    episode: Episode, number: int, plan: Float[np.ndarray, "branch step 3"], pose: Float[np.ndarray, "branch step b 7"]
+    episode: Episode, number: int, plan: Float[np.ndarray, "branch step 3"], pose: Float[np.ndarray, "branch step block 7"]
 ) -> Branches:
     header, frame = episode.header, episode.action_frame[number]
     start = np.broadcast_to(episode.pose[frame], (len(pose), 1, *episode.pose[frame].shape))

@@ -46,7 +46,7 @@ def _restarted(some: list[Branches], branch: int, steps: int) -> Predictions:
     )
 
 
-def disturbance(pose: Float[np.ndarray, "plan step+1 block 7"], target: int) -> Float[np.ndarray, " plan"]:
+def disturbance(pose: Float[np.ndarray, "plan moment block 7"], target: int) -> Float[np.ndarray, " plan"]:
     """How far all blocks but the target move over a plan, summed over blocks and steps [m] (the paper's O_d)."""
     return disturbance_cost(pose[:, :-1], pose[:, 1:], target, CostConfig(gamma=1.0)).sum(-1)
 

@@ -127,7 +127,7 @@ def dynamics_report(horizons: dict[str, Predictions]) -> dict[str, Any]:
     return {
         **report,
         "rank_correlation": None,
-        "rank_correlation_reason": "not measured: it needs --truth, the simulator's word on plans, see `jenga eval ceiling`",
+        "rank_correlation_reason": "not measured: it needs --truth, see `jenga eval ceiling`, the simulator on plans",
     }
 
 

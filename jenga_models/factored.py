@@ -15,8 +15,8 @@ from jenga_models.graphs import Graphs
 from jenga_models.layers import mlp
 from jenga_models.motion import LEVER, MILLIMETRE, NODE_WIDTH, PAIR_WIDTH, Bodies, node_features, pair_features, pairs
 
-ACTION_WIDTH = 9
-"""Of what the decoder sees of an action: itself, its change, and how far the set point then is from the hand now."""
+GUIDES = 4
+"""Vectors that a block may follow in part, see `Factored.heard`."""
 MOTION_UNIT = [MILLIMETRE] * 3 + [MILLIMETRE / LEVER] * 3
 """What an output of 1 stands for [m, rad]."""
 
@@ -63,8 +63,8 @@ class Interaction(nn.Module):
 class Factored(nn.Module):
     """Graphs of `G_e+motion`, raw (SI), and plans -> how each block moves, step by step.
 
-    A step moves a block by what it predicts on top of two guesses that it may take up in part: that the block goes
-    on as it moves, and that it follows the hand.
+    A step moves a block by what it predicts on top of guesses that it may take up in part: that the block goes on as it
+    moves, that it follows the hand, and that it lags behind it.
     """
 
     def __init__(self, width: int, layers: int, decoder: int) -> None:
@@ -72,12 +72,12 @@ class Factored(nn.Module):
         self.encode = mlp(NODE_WIDTH, width, width, 1, norm=True)
         self.pair = nn.Sequential(nn.Linear(PAIR_WIDTH, width), nn.ReLU())
         self.steps = nn.ModuleList(Interaction(width, width) for _ in range(layers))
-        self.plan = nn.GRU(ACTION_WIDTH, decoder, batch_first=True)
+        self.plan = nn.Linear(3 * GUIDES + 1, decoder)
         self.plan_start = nn.Linear(width, decoder)
         self.block = nn.Linear(width, decoder)
         self.answer = nn.Linear(decoder, decoder)
         self.hidden = nn.Linear(decoder, decoder)
-        self.motion = nn.Linear(decoder, 6 + 2 + 3)
+        self.motion = nn.Linear(decoder, 6 + 2 + 3 * GUIDES)
         self.twist = nn.Linear(decoder, 6)
         self.unit: Tensor
         self.register_buffer("unit", torch.tensor(MOTION_UNIT), persistent=False)
@@ -98,30 +98,34 @@ class Factored(nn.Module):
         lag = node.new_zeros(len(graphs), 3) if graphs.lag is None else graphs.lag
         return Look(node, graphs.at_target(node), moving, bodies.flag, graphs.at_target(bodies.velocity), lag)
 
+    def heard(self, look: Look, plans: Float[Tensor, "plan horizon 3"]) -> Float[Tensor, "plan horizon guide 3"]:
+        """What a step of a plan is to the hand [m]: the action, its change from the one before and from the present
+        velocity, and how far the set point then is from where the hand is now."""
+        hand = look.hand[:, None].expand(len(plans), 1, 3)
+        before = torch.cat([hand, plans[:, :-1]], dim=1)
+        return torch.stack([plans, plans - before, plans - hand, look.lag[:, None] + plans.cumsum(1)], dim=-2)
+
     def answers(
         self, look: Look, plans: Float[Tensor, "plan horizon 3"], each: Tensor | None
-    ) -> Float[Tensor, "*plan node horizon width"]:
-        """The decoder's hidden state. `each` is None where one tower answers many plans, else the plan of each node."""
-        before = torch.cat([look.hand[:, None].expand(len(plans), 1, 3), plans[:, :-1]], dim=1)
-        ahead = look.lag[:, None] + plans.cumsum(1)
-        seen = torch.cat([plans, plans - before, ahead / 3], dim=-1) / MILLIMETRE
-        start = self.plan_start(look.target).expand(len(plans), -1)[None].contiguous()
-        heard = self.answer(self.plan(seen, start)[0])
-        heard = heard[:, None] if each is None else heard.index_select(0, each)
-        block = self.block(look.node)
-        return self.hidden((block[..., None, :] + heard).relu()).relu()
+    ) -> tuple[Float[Tensor, "*plan node horizon 6"], Float[Tensor, "*plan node horizon width"]]:
+        """Displacement [m] and rotation [rad] in each step, and the hidden state that they were made of.
 
-    def motion_of(
-        self, look: Look, plans: Float[Tensor, "plan horizon 3"], hidden: Tensor, each: Tensor | None
-    ) -> Float[Tensor, "*plan node horizon 6"]:
-        """Displacement [m] and rotation [rad] in each step."""
-        own, keep, follow = self.motion(hidden).split([6, 2, 3], dim=-1)
-        moving = look.moving[..., None, :]
-        keep = torch.cat([keep[..., :1].expand_as(follow), keep[..., 1:].expand_as(follow)], dim=-1)
-        actions = plans[:, None] if each is None else plans.index_select(0, each)
-        moved = own * self.unit + keep * moving
-        follow = (follow + look.is_target[..., None, None]) * actions
-        return torch.cat([moved[..., :3] + follow, moved[..., 3:]], dim=-1)
+        `each` is None where one tower answers many plans, else the plan of each node.
+        """
+        heard = self.heard(look, plans)
+        number = torch.arange(plans.shape[1], device=plans.device, dtype=plans.dtype)[:, None]
+        seen = torch.cat(
+            [heard.flatten(-2) / (3 * MILLIMETRE), (number / 2).expand(len(plans), -1, 1)], dim=-1
+        )  # no gate that saturates: a millimetre counts at 17 of them as well
+        plan = self.answer((self.plan(seen) + self.plan_start(look.target)[:, None]).relu())
+        plan, heard = (values[:, None] if each is None else values.index_select(0, each) for values in (plan, heard))
+        hidden = self.hidden((self.block(look.node)[..., None, :] + plan).relu()).relu()
+        own, keep, follow = self.motion(hidden).split([6, 2, 3 * GUIDES], dim=-1)
+        moved = own * self.unit + keep.repeat_interleave(3, dim=-1) * look.moving[..., None, :]
+        guided = (follow.unflatten(-1, (GUIDES, 3)) * heard).sum(-2) + look.is_target[..., None, None] * heard[
+            ..., 0, :
+        ]
+        return torch.cat([moved[..., :3] + guided, moved[..., 3:]], dim=-1), hidden
 
     def after(self, motion: Tensor, hidden: Tensor) -> Float[Tensor, "*plan node horizon 6"]:
         """Displacement [m] and rotation [rad] in a control step at the velocity after each step."""
@@ -131,7 +135,5 @@ class Factored(nn.Module):
         """A flat batch of graphs, each with its own plan [m]: motion in each step, and at the speed after it."""
         assert graphs.action is not None, "this model needs plans"
         assert graphs.graph is not None, "this model needs a flat batch; a static one is for `look` and `answers`"
-        look = self.look(graphs)
-        hidden = self.answers(look, graphs.action, graphs.graph)
-        motion = self.motion_of(look, graphs.action, hidden, graphs.graph)
+        motion, hidden = self.answers(self.look(graphs), graphs.action, graphs.graph)
         return torch.cat([motion, self.after(motion, hidden)], dim=-1)

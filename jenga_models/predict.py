@@ -117,9 +117,7 @@ class LearnedDynamics:
                 poses.append(self.step(poses[-1], actions[:, step]))
             return torch.stack(poses, dim=1)
         with torch.inference_mode():
-            look = self._look
-            hidden = self._model.answers(look, actions, None)
-            motion = self._model.motion_of(look, actions, hidden, None)
+            motion, _ = self._model.answers(self._look, actions, None)
             return torch.cat([now[:, None], poses_after(self._pose, motion)], dim=1)
 
     def step(
