@@ -51,8 +51,9 @@ class Branches:
 
     def write(self, path: Path) -> None:
         beside = path.with_name(path.name + ".partial")
+        values: dict[str, Any] = {field.name: np.asarray(getattr(self, field.name)) for field in fields(self)}
         with beside.open("wb") as file:
-            np.savez_compressed(file, **{field.name: np.asarray(getattr(self, field.name)) for field in fields(self)})
+            np.savez_compressed(file, **values)
         beside.replace(path)
 
     @classmethod
@@ -146,7 +147,10 @@ def lag_before(episode: Episode, number: int) -> Float[np.ndarray, "3"]:
 
 
 def _branches(
-    episode: Episode, number: int, plan: Float[np.ndarray, "branch step 3"], pose: Float[np.ndarray, "branch step block 7"]
+    episode: Episode,
+    number: int,
+    plan: Float[np.ndarray, "branch step 3"],
+    pose: Float[np.ndarray, "branch step block 7"],
 ) -> Branches:
     header, frame = episode.header, episode.action_frame[number]
     start = np.broadcast_to(episode.pose[frame], (len(pose), 1, *episode.pose[frame].shape))

@@ -27,8 +27,7 @@ def ceiling_report(states: Iterable[Branches]) -> dict[str, Any]:
     for branch, known in enumerate(KNOWN):
         report[known] = {}
         for name, steps in (("one_step", 1), (f"rollout_{STEPS}", STEPS)):
-            rows = _restarted(some, branch, steps)
-            report[known][name] = horizon_report(rows) if len(some) else {"n": 0}
+            report[known][name] = horizon_report(_restarted(some, branch, steps)) if some else {"n": 0}
     return report
 
 

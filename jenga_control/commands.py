@@ -64,19 +64,27 @@ def evaluate() -> dict[str, Verb]:
         report = evaluate_selection(model or pretrained(), open_dataset(dataset), baselines, workers, ceiling)
         return Shown(json, report, selection_tables(report))
 
-    def dynamics(model: Path, dataset: str, truth: MaybePath = None, json: Json = False) -> Shown:
+    def dynamics(
+        model: Path, dataset: str, truth: MaybePath = None, figure: MaybePath = None, json: Json = False
+    ) -> Shown:
         """Errors of a dynamics model on the test towers, one step and open loop, next to the trivial prediction.
 
         Args:
             model: folder of a checkpoint.
             dataset: NAME@X.Y.Z or a folder.
             truth: folder of `jenga eval ceiling`: the ceiling, and the rank correlation of plans, are reported as well.
+            figure: a PNG of true and predicted towers, as in the paper's appendix.
         """
         from jenga_control.evaluate_dynamics import evaluate_dynamics
         from jenga_control.tables import dynamics_tables
         from jenga_data.dataset.read import open_dataset
 
-        report = evaluate_dynamics(model, open_dataset(dataset), truth)
+        rows = open_dataset(dataset)
+        report = evaluate_dynamics(model, rows, truth)
+        if figure:
+            from jenga_control.dynamics_figure import draw_towers
+
+            report["figure"] = str(draw_towers(model, rows, figure))
         return Shown(json, report, dynamics_tables(report))
 
     def ceiling(

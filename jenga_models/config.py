@@ -125,7 +125,7 @@ class DynamicsTraining(Training):
     """Steps of the plans that it learns from and answers at a time (factored only)."""
     mirror: bool = True
     """See half of the batches in a mirror (factored only)."""
-    softness: float = 0.1
+    softness: float = 0.03
     """The factored model's loss is the length of each error, squared below so many mm (a rotation 25 mm from the
     centre): small motions count, and a falling block does not drown them."""
 

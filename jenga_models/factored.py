@@ -17,6 +17,8 @@ from jenga_models.motion import LEVER, MILLIMETRE, NODE_WIDTH, PAIR_WIDTH, Bodie
 
 GUIDES = 4
 """Vectors that a block may follow in part, see `Factored.heard`."""
+SIZES = (-8.0, 2.0)
+"""Least and largest logarithm of how much a block moves on its own and with the hand."""
 MOTION_UNIT = [MILLIMETRE] * 3 + [MILLIMETRE / LEVER] * 3
 """What an output of 1 stands for [m, rad]."""
 
@@ -79,6 +81,7 @@ class Factored(nn.Module):
         self.hidden = nn.Linear(decoder, decoder)
         self.motion = nn.Linear(decoder, 6 + 2 + 3 * GUIDES)
         self.twist = nn.Linear(decoder, 6)
+        self.size = nn.Linear(width, 2)
         self.unit: Tensor
         self.register_buffer("unit", torch.tensor(MOTION_UNIT), persistent=False)
         with torch.no_grad():  # at first, everything stays where it is
@@ -121,6 +124,9 @@ class Factored(nn.Module):
         plan, heard = (values[:, None] if each is None else values.index_select(0, each) for values in (plan, heard))
         hidden = self.hidden((self.block(look.node)[..., None, :] + plan).relu()).relu()
         own, keep, follow = self.motion(hidden).split([6, 2, 3 * GUIDES], dim=-1)
+        # Blocks far from the target move a thousand times less: how much, in powers of e, is a matter of the tower.
+        size = self.size(look.node).clamp(*SIZES).exp()[..., None, :]
+        own, follow = own * size[..., :1], follow * size[..., 1:]
         moved = own * self.unit + keep.repeat_interleave(3, dim=-1) * look.moving[..., None, :]
         guided = (follow.unflatten(-1, (GUIDES, 3)) * heard).sum(-2) + look.is_target[..., None, None] * heard[
             ..., 0, :

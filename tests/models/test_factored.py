@@ -225,11 +225,15 @@ def test_the_controllers_answers_are_the_evaluations(path: Path, rng: np.random.
     dynamics.start(state, target, lag)
     said = dynamics.rollout(torch.tensor(plans).float())
     assert said.shape == (4, 6, 6, 7)
+    blocks, layout = state.blocks, state.layout
     towers = Towers.of_poses(
-        *(values[None] for values in (state.blocks.size, state.blocks.mass, state.pose)),
-        *(values[None] for values in (state.layout.level, state.layout.slot)),
+        blocks.size[None],
+        blocks.mass[None],
+        state.pose[None],
+        layout.level[None],
+        layout.slot[None],
         np.array([target]),
-        twist=state.twist[None],
+        state.twist[None],
     )
     for plan, answer in zip(plans, said, strict=True):
         expected = plan_ahead(load(path), towers, plan[None], lag[None]).pose[0]
