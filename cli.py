@@ -13,6 +13,7 @@ from typing import Any
 import msgspec
 import tyro
 
+from jenga_control.commands import bench as bench_control
 from jenga_control.commands import demo, evaluate, replay
 from jenga_control.commands import report as report_models
 from jenga_data.calibrate.commands import calibrate
@@ -40,8 +41,11 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
         lambda _: dataset(),
     ),
     "log": ("info, doctor, recover", lambda _: log()),
-    "bench": ("how fast the parts are (sim, robot, log, loader, convert)", lambda _: bench() | bench_models()),
-    "report": ("what logs and models show (touch, selection)", lambda _: report_logs() | report_models()),
+    "bench": (
+        "how fast the parts are (sim, robot, log, loader, convert, control)",
+        lambda _: bench() | bench_models() | bench_control(),
+    ),
+    "report": ("what logs and models show (touch, selection, extraction)", lambda _: report_logs() | report_models()),
 }
 
 

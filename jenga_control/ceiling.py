@@ -9,7 +9,7 @@ from jaxtyping import Float
 
 from jenga_control.branches import STEPS, Branches, stored
 from jenga_control.cost import CostConfig, disturbance_cost
-from jenga_control.dynamics import Dynamics
+from jenga_control.dynamics import Dynamics, Learned
 from jenga_control.evaluate_dynamics import Predictions, horizon_report
 from jenga_data.blocks import Blocks
 from jenga_data.collect.resume import KNOWN
@@ -67,7 +67,8 @@ def ranking_report(decisions: Iterable[Branches], dynamics: Dynamics | None) -> 
         plans, horizon = decision.plan.shape[:2]
         said["faster_is_worse"].append(spearman(-decision.plan[..., 0].sum(1), truth))
         if dynamics is not None:
-            dynamics.start(state_of(decision), decision.target, decision.lag)
+            told = {"lag": decision.lag} if isinstance(dynamics, Learned) else {}
+            dynamics.start(state_of(decision), decision.target, **told)
             predicted = disturbance(dynamics.rollout(decision.plan), decision.target)
             said["model"].append(spearman(predicted, truth))
     found: dict[str, Any] = {"n": len(towers), "alike": alike, "plans": plans, "steps": horizon}

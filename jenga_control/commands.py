@@ -128,10 +128,16 @@ def evaluate() -> dict[str, Verb]:
 
     def extraction(
         out: Path,
-        model: MaybePath = None,
-        objective: tuple[Literal["full", "naive", "straight"], ...] = ("full", "naive", "straight"),
+        model: tuple[Path, ...] = (),
+        objective: tuple[str, ...] = ("full", "naive", "straight"),
+        dynamics: Literal["learned", "simulator", "trivial"] = "learned",
         towers: int = 100,
         preset: Literal["paper", "best"] = "best",
+        select: MaybePath = None,
+        push_control: bool = False,
+        touch: bool = False,
+        simulator_samples: int = 16,
+        simulator_horizon: int = 3,
         gripper: bool = False,
         seed: int = 900_000,
         workers: int = 2,
@@ -141,25 +147,65 @@ def evaluate() -> dict[str, Verb]:
 
         Args:
             out: folder of the logs; the same command goes on where it was interrupted.
-            model: folder of a dynamics checkpoint; the objective "full" needs one.
-            objective: MPPI on O_a + O_d (full), on O_a alone (naive), or a straight pull; the first is reported,
-                the others are its baselines on the same towers and targets.
+            model: folders of dynamics checkpoints; the objective "full" needs one, and is evaluated with each.
+            objective: MPPI on O_a + O_d (full) or on O_a alone (naive), a straight pull (straight-0.15, in m/s), or
+                hindsight, the best of many pulls; full-paper, full-best and full-simulator say what the options
+                below do. The first is reported, the others are its baselines from the same grasp.
+            dynamics: what predicts the tower for the objective "full".
             towers: how many.
-            preset: of the search.
+            preset: of the search; the paper's clips what it executes, the best one samples within the limits.
+            select: folder of a selection checkpoint, which picks the target among all legal ones.
+            push_control: the push watches the other blocks and turns back.
+            touch: the pull slows down, wiggles or gives up when the fingertip forces get erratic.
+            simulator_samples: of the search where the simulator is the model...
+            simulator_horizon: ...and its horizon; with 100 and 5 a decision would take minutes.
             gripper: a hand without an arm pulls, at a block that sticks out already; by default the whole robot does
                 everything.
             seed: from 900000 up, which no training data may have.
             workers: processes that simulate.
         """
-        from jenga_control.evaluate_extraction import evaluate_extraction
+        from jenga_control.evaluate_extraction import Switches, evaluate_extraction
         from jenga_control.tables import extraction_tables
+        from jenga_control.touch_pull import TouchConfig
         from jenga_data.collect.config import ExtractionConfig
 
         config = ExtractionConfig(body="gripper") if gripper else None
-        report = evaluate_extraction(model, out, objective, towers, seed, workers, preset, config)
+        switches = Switches(select, push_control, TouchConfig() if touch else None)
+        search = simulator_samples, simulator_horizon
+        report = evaluate_extraction(
+            model, out, objective, towers, seed, workers, preset, config, dynamics, switches, search
+        )
         return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
 
     return {"selection": selection, "dynamics": dynamics, "ceiling": ceiling, "extraction": extraction}
+
+
+def bench() -> dict[str, Verb]:
+    def control(
+        model: Path,
+        towers: int = 2,
+        threads: int = 2,
+        simulator_samples: int = 4,
+        preset: Literal["paper", "best"] = "best",
+        device: str = "cpu",
+        json: Json = False,
+    ) -> Shown:
+        """Decisions a second of the controller, beside graphs composed one by one and the simulator as the model.
+
+        Args:
+            model: folder of a dynamics checkpoint.
+            towers: on which is timed, each at its grasp.
+            threads: of the model and of the simulator.
+            simulator_samples: samples that the simulator is given; its time grows with their number.
+            preset: of the search.
+            device: cpu or cuda.
+        """
+        from jenga_control.bench_control import bench_control
+
+        found = bench_control(model, towers, threads, simulator_samples, preset, device)
+        return Shown(json, found, found.pop("text"))
+
+    return {"control": control}
 
 
 def report() -> dict[str, Verb]:
@@ -194,7 +240,20 @@ def report() -> dict[str, Verb]:
         text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
         return Shown(json, found, text)
 
-    return {"selection": selection}
+    def extraction(logs: tyro.conf.Positional[tuple[Path, ...]], out: Path, json: Json = False) -> Shown:
+        """Who pulls how well: rates, causes, rounds and speeds of every way that was evaluated, with figures.
+
+        Args:
+            logs: folders that `jenga eval extraction --out` left, one or several.
+            out: folder of the report: extraction.json, .md and figures.
+        """
+        from jenga_control.extraction_report import report_extraction
+
+        found = report_extraction(logs, out)
+        text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
+        return Shown(json, found, text)
+
+    return {"selection": selection, "extraction": extraction}
 
 
 def replay(

@@ -1,5 +1,6 @@
 """What the controller asks of a model of the tower, and two that answer: a learned one and the trivial one."""
 
+from inspect import signature
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -7,6 +8,8 @@ import torch
 from jaxtyping import Float, Int
 from torch import Tensor
 
+from jenga_data.collect.extraction import View
+from jenga_data.sim.fingers import Fingers
 from jenga_data.tower import TowerState
 
 
@@ -14,11 +17,8 @@ from jenga_data.tower import TowerState
 class Dynamics(Protocol):
     """Predicts what becomes of a tower under many plans at once. Implement these two to plug in an own model."""
 
-    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
-        """The tower now, its target turned along x; every rollout starts here until the next call.
-
-        `lag` is how far the hand's set point is ahead of the hand [m]: how hard it pulls already. None is not known.
-        """
+    def start(self, state: TowerState, target: int) -> None:
+        """The tower now, its target turned along x; every rollout starts here until the next call."""
         ...
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
@@ -41,7 +41,7 @@ def target_moves(
 class NothingMoves:
     """The trivial dynamics: every other block stays. With it the full objective is the naive one."""
 
-    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+    def start(self, state: TowerState, target: int) -> None:
         self._pose, self._target = state.pose.copy(), np.asarray(target)
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
@@ -52,7 +52,7 @@ class NothingMoves:
 
 @runtime_checkable
 class StepModel(Protocol):
-    """Takes many samples of one tower a control step on."""
+    """Takes many samples of one tower a control step on; `jenga_models.predict.LearnedDynamics` is one."""
 
     device: torch.device
 
@@ -69,40 +69,54 @@ class StepModel(Protocol):
 
 @runtime_checkable
 class PlanModel(Protocol):
-    """Answers many plans for one tower at once; `jenga_models.predict.LearnedDynamics` is one."""
-
-    device: torch.device
-
-    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
-        """Fix the tower from which all plans start, its target, and what the hand's set point is ahead of it [m]."""
-        ...
+    """A model that answers whole plans at once, all from the tower at `start`."""
 
     def rollout(self, actions: Float[Tensor, "sample horizon 3"]) -> Float[Tensor, "sample horizon+1 block 7"]:
-        """Poses now and after each action of every plan."""
+        """Poses now and after each action of every plan [m]."""
         ...
 
 
 class Learned:
-    """A trained simulator: one that answers plans, or one that is stepped on its own predictions."""
+    """A trained graph network simulator, all samples of a step in one forward pass.
 
-    def __init__(self, model: StepModel | PlanModel) -> None:
+    A model whose `start` takes `lag` is told how far the hand's set point is ahead of the target [m], counted from
+    the grasp: how hard it is pulled at.
+    """
+
+    def __init__(self, model: StepModel) -> None:
         self._model = model
+        self._takes_lag = "lag" in signature(model.start).parameters
+        self._view: View | None = None
+
+    def enter(self, view: View) -> None:
+        """Look at the hand from now on."""
+        self._view = view
+        self._ahead = self._offset(view.recording.world.pose[view.recording.target])
 
     def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
-        if isinstance(self._model, PlanModel):
-            self._model.start(state, target, lag)
-        else:
-            self._model.start(state, target)
+        """`lag` is for who knows it without a hand to look at, such as from a log."""
+        told = {}
+        if self._takes_lag and lag is not None:
+            told = {"lag": lag}
+        elif self._takes_lag and self._view is not None:
+            told = {"lag": self._offset(state.pose[target]) - self._ahead}
+        self._model.start(state, target, **told)
         self._pose = state.pose.copy()
+
+    def _offset(self, pose: Float[np.ndarray, "7"]) -> Float[np.ndarray, "3"]:
+        """From the target to the hand's set point [m]."""
+        hand = self._view.hand if self._view else None
+        return hand.set_point - pose[:3] if isinstance(hand, Fingers) else np.zeros(3)
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
         samples, horizon, _ = actions.shape
         with torch.inference_mode():
             device = self._model.device
+            if isinstance(self._model, PlanModel):
+                plans = torch.as_tensor(actions, dtype=torch.float32, device=device)
+                return self._model.rollout(plans).cpu().double().numpy()
             pose = torch.as_tensor(self._pose, dtype=torch.float32, device=device).expand(samples, -1, -1)
             plan = torch.as_tensor(actions, dtype=torch.float32, device=device)
-            if isinstance(self._model, PlanModel):
-                return self._model.rollout(plan).cpu().double().numpy()
             poses = [pose]
             for step in range(horizon):
                 poses.append(self._model.step(poses[-1], plan[:, step]))

@@ -1,120 +1,201 @@
 """Evaluating the closed loop: the same towers and targets for every way to pull, read from the logs it leaves."""
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import replace
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from jenga_control.cost import CostConfig
-from jenga_control.extraction import CONTROLLERS, ClosedLoop
-from jenga_control.mppi import mppi_preset
-from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig, episode_key
+from jenga_control.extraction import ClosedLoop
+from jenga_control.extraction_scores import Ended, paired, scores
+from jenga_control.hindsight import Hindsight
+from jenga_control.selected_stage import selected_stage
+from jenga_control.touch_pull import TouchConfig
+from jenga_control.ways import Choices, Pullers, Way, ways
+from jenga_data.collect.branch_workers import Missing, branch_path, run_branches
+from jenga_data.collect.branches import Trunk
+from jenga_data.collect.config import SEED_LIMIT, Actor, ExtractionConfig
 from jenga_data.collect.set_aside import refuse_missing
-from jenga_data.collect.workers import run_episodes
-from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode, read_header
-from jenga_data.outcome import Outcome
-from jenga_data.statistics import Proportion, paired_difference
-from jenga_models.checkpoint import load
 
 TIMED_DECISIONS = 20
-EPISODE_TIMEOUT = 3600.0
-"""Longest time for one closed loop [s], learned dynamics on a busy core included."""
+TOWER_TIMEOUT = 7200.0
+"""Longest time for one tower in all ways [s], learned dynamics on a busy core included."""
+NAMES = ("full", "naive", "straight")
+PAPER = {"full": 0.65, "naive": 0.54}
+"""Success of 100 rollouts each in the paper's table II."""
+
+APPROACH_SECONDS = {"robot": 12.0, "gripper": 1.5}
+"""What a tower costs up to the grasp, spawning included [s of one core], measured on 18 levels..."""
+PULL_SECONDS = {"straight": 5.0, "naive": 6.0, "full": 10.0, "hindsight": 15.0, "simulator": 120.0}
+"""...and each way to pull from there on. Hindsight stops at its first clean success."""
+
+
+@dataclass(frozen=True)
+class Switches:
+    """What goes past the paper, each on its own."""
+
+    select: Path | None = None
+    """Folder of a selection checkpoint: it picks the target among all legal ones, in place of chance."""
+    push_control: bool = False
+    """The robot's push watches the other blocks (`jenga_data.collect.careful_push`)."""
+    touch: TouchConfig | None = None
+    """The pull heeds what the fingers feel."""
+
+    def as_dict(self) -> dict[str, bool]:
+        return {"select": self.select is not None, "push_control": self.push_control, "touch": self.touch is not None}
+
+
+PLAIN = Switches()
 
 
 def evaluate_extraction(
-    model: Path | None,
+    models: Path | Sequence[Path] | None,
     out: Path,
-    controllers: Sequence[str] = ("full", "naive", "straight"),
+    controllers: Sequence[str] = NAMES,
     towers: int = 100,
     seed: int = SEED_LIMIT,
     workers: int = 2,
     preset: str = "best",
     config: ExtractionConfig | None = None,
+    dynamics: str = "learned",
+    switches: Switches = PLAIN,
+    simulator_search: tuple[int, int] = (16, 3),
 ) -> dict[str, Any]:
-    """Pull the same random legal targets of `towers` towers with each controller; every rollout is logged in `out`.
+    """Pull the same targets of `towers` towers in each way; every rollout is logged in `out`, a folder for each way.
 
-    Every tower that was started is in the denominator. The report is that of the first controller, with the
-    others under `baselines` and the paired difference to each.
+    A tower is simulated up to the grasp once; all ways go on from there. Every tower that was started is in the
+    denominator, those that were not grasped included. The report is that of the first way, with the others under
+    `baselines` and the paired difference to each.
+
+    Args:
+        controllers: names as `ways` takes them.
+        simulator_search: samples and horizon where the simulator is the model.
 
     Raises:
-        JengaError: no controller or one twice, one needs a model and none was given, or the folder holds
-            something else.
+        JengaError: no way or one twice, one needs a model and none was given, or the folder holds something else.
         CheckFailed: a rollout had to be set aside.
     """
-    if not controllers or len(set(controllers)) < len(controllers):
-        given = ", ".join(controllers) or "none"
-        raise JengaError(f"ways to pull: {given}; allowed: one or more of {', '.join(CONTROLLERS)}, each once")
+    config = config or ExtractionConfig()
     if seed < SEED_LIMIT:
         raise JengaError(f"seed is {seed}; evaluation uses seeds from {SEED_LIMIT} up, which no training data may have")
-    loops = [_closed_loop(name, model, preset, config or ExtractionConfig()) for name in controllers]
-    reports, rollouts = [], []
-    for loop in loops:
-        logs = out / loop.controller
-        label = f"pulling, {loop.controller}"
-        done = run_episodes(loop, loop.config, seed, range(towers), workers, logs, loop.actor, label, EPISODE_TIMEOUT)
-        refuse_missing(logs, done.set_aside)  # a tower that is left out would spoil the comparison
-        paths = [logs / f"{episode_key(loop.config, seed, number, loop.actor)}.mcap" for number in range(towers)]
-        runs = [_ended(path) for path in paths]
-        reports.append(_report(loop, runs, paths[0]))
-        rollouts.append(runs)
-    report, *others = reports
-    successes = [np.array([result.verdict.outcome is Outcome.EXTRACTED for _, result in runs]) for runs in rollouts]
-    blocks = np.array([header.blocks.tower for header, _ in rollouts[0]])
-    for other, hits in zip(others, successes[1:], strict=True):
-        other["paired"] = paired_difference(successes[0], hits, blocks)
-    report["baselines"] = {loop.controller: other for loop, other in zip(loops[1:], others, strict=True)}
+    if config.body != "robot" and (switches.select or switches.push_control):
+        raise JengaError("--select and --push-control are for the whole robot; leave --gripper out")
+    given = (models,) if isinstance(models, Path) else tuple(models or ())
+    choices = Choices(config, given, preset, dynamics, switches.touch, simulator_search)
+    found = ways(controllers, choices)
+    actors = {name: switched(way.actor, switches) for name, way in found.items()}
+    trunk = partial(_trunk, switches.select, switches.push_control)
+
+    def tell(missing: Missing) -> None:
+        sys.stderr.write(cost_line(found, config.body, workers, missing) + "\n")
+
+    pullers = Pullers(found)
+    done = run_branches(
+        pullers, actors, config, seed, range(towers), workers, out, trunk, "pulling", TOWER_TIMEOUT, tell
+    )
+    for name in found:
+        refuse_missing(out / name, done[name])  # a tower that is left out would spoil the comparison
+    ended = {
+        name: [_ended(branch_path(out, name, config, seed, number, actors[name])) for number in range(towers)]
+        for name in found
+    }
+    return _report(found, ended, switches, out)
+
+
+def switched(actor: Actor, switches: Switches) -> Actor:
+    """The actor with the switches in its settings, so that keys and recipes differ; unchanged where none is on."""
+    settings = dict(actor.controller)
+    if switches.select is not None:
+        settings["select"] = _selector_hash(switches.select)
+    if switches.push_control:
+        from jenga_data.collect.careful_push import SETTINGS
+
+        settings["push_control"] = SETTINGS
+    return Actor(settings, actor.checkpoint)
+
+
+def _selector_hash(folder: Path) -> str:
+    from jenga_models.checkpoint import load
+
+    return load(folder).require("selection").hash
+
+
+def _trunk(select: Path | None, careful: bool, config: ExtractionConfig, seed: int, number: int) -> Trunk:
+    stage = None if select is None else selected_stage(select, config, seed, number)
+    return Trunk(config, seed, number, stage, careful)
+
+
+def cost_line(found: Mapping[str, Way], body: str, workers: int, missing: Missing) -> str:
+    """What an evaluation will take, from costs measured on an idle core; `missing` is what is not logged yet."""
+    each = {name: PULL_SECONDS[_kind(way)] for name, way in found.items()}
+    rollouts = [name for names in missing.values() for name in names]
+    seconds = len(missing) * APPROACH_SECONDS[body] + sum(each[name] for name in rollouts)
+    parts = ", ".join(f"{name} {each[name]:.0f} s" for name in found)
+    return (
+        f"{len(missing)} towers, {len(rollouts)} rollouts to do: about {seconds / 60 / workers:.0f} min on {workers} "
+        f"idle cores (a tower up to the grasp {APPROACH_SECONDS[body]:.0f} s; then {parts})"
+    )
+
+
+def _kind(way: Way) -> str:
+    if isinstance(way, Hindsight):
+        return "hindsight"
+    return "simulator" if way.model_name == "simulator" else way.controller
+
+
+def _ended(path: Path) -> Ended:
+    header, result = read_header(path)
+    assert result is not None  # a rollout gets its name when it has ended
+    return Ended(path, header, result)
+
+
+def _report(
+    found: Mapping[str, Way], ended: Mapping[str, list[Ended]], switches: Switches, out: Path
+) -> dict[str, Any]:
+    reports = {
+        name: describe(way) | scores(ended[name]) | {"switches": switches.as_dict(), "logs": str(out / name)}
+        for name, way in found.items()
+    }
+    for name, way in found.items():
+        if isinstance(way, ClosedLoop) and way.controller != "straight":
+            reports[name]["control_hz"] = decision_rate(way, ended[name])
+    first, *others = found
+    report = reports[first]
+    for other in others:
+        reports[other]["paired"] = paired(ended[first], ended[other])
+    report["baselines"] = {name: reports[name] for name in others}
     return report
 
 
-def _closed_loop(controller: str, model: Path | None, preset: str, config: ExtractionConfig) -> ClosedLoop:
-    cost = CostConfig(objective="full" if controller == "full" else "naive")
-    loop = ClosedLoop(config, controller, mppi_preset(preset), cost)
-    if not cost.needs_dynamics:
-        return loop
-    if model is None:
-        raise JengaError(
-            "the objective 'full' needs a dynamics model: give one with --model, or choose --objective naive"
-        )
-    return replace(loop, model=model, model_hash=load(model).require("dynamics").hash)
-
-
-def _ended(path: Path) -> tuple[EpisodeHeader, Result]:
-    header, result = read_header(path)
-    assert result is not None  # a rollout gets its name when it has ended
-    return header, result
-
-
-def _report(loop: ClosedLoop, runs: list[tuple[EpisodeHeader, Result]], first: Path) -> dict[str, Any]:
-    verdicts = [result.verdict for _, result in runs]
-    outcomes = Counter(verdict.outcome.value for verdict in verdicts)
-    success = np.array([verdict.outcome is Outcome.EXTRACTED for verdict in verdicts])
-    clean = success & ~np.array([verdict.dragged for verdict in verdicts])
-    moved = [verdict.moved for verdict in verdicts if verdict.outcome is not Outcome.INVALID]
-    causes = Counter(result.cause or result.verdict.outcome.value for _, result in runs if result.verdict.failure)
+def describe(way: Way) -> dict[str, Any]:
+    """What was asked of what."""
+    if isinstance(way, Hindsight):
+        said = {"objective": f"hindsight, best of {len(way.pulls)} pulls", "dynamics": "none", "search": None}
+        return said | {"control_hz": None, "model": ""}
+    straight = way.controller == "straight"
     return {
-        "objective": loop.cost.objective if loop.controller != "straight" else f"straight pull, {loop.speed} m/s",
-        "dynamics": "learned" if loop.cost.needs_dynamics else "none",
-        "success": Proportion.of(success).as_dict(),
-        "success_without_dragging": Proportion.of(clean).as_dict(),
-        "outcomes": {outcome.value: outcomes[outcome.value] for outcome in Outcome},
-        "causes": dict(sorted(causes.items())),
-        "median_disturbance_mm": float(np.median(moved) * 1e3) if moved else None,
-        "control_hz": _decision_rate(loop, first) if loop.controller != "straight" else None,
-        "switches": {},
-        "model": loop.actor.checkpoint,
-        "logs": str(first.parent),
+        "objective": f"straight pull, {way.speed} m/s" if straight else way.cost.objective,
+        "dynamics": way.model_name,
+        "search": None if straight else asdict(way.search),
+        "control_hz": None,
+        "model": way.actor.checkpoint,
     }
 
 
-def _decision_rate(loop: ClosedLoop, log: Path) -> float:
-    """Decisions a second in this process, on the towers of a log, after one to warm up."""
-    episode = read_episode(log)
+def decision_rate(loop: ClosedLoop, ended: Sequence[Ended]) -> float | None:
+    """Decisions a second in this process, on the towers of a log, after one to warm up.
+
+    None with the simulator as the model, which needs a running world: `jenga bench control` times it.
+    """
+    if loop.model_name == "simulator":
+        return None
+    episode = read_episode(next((run.path for run in ended if run.result.verdict.clear_frame >= 0), ended[0].path))
     policy = loop.policy(np.random.default_rng(0))
     frames = episode.action_frame if len(episode.action_frame) else np.zeros(1, np.int64)
     policy.act(episode.tower_state(int(frames[0])), episode.header.target)

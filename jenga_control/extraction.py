@@ -1,20 +1,21 @@
-"""The closed loop: MPPI pulls a block on the simulator, with a learned model of the tower (paper, section II-C)."""
+"""The closed loop: MPPI pulls a block on the simulator, with a model of the tower (paper, section II-C)."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import msgspec
 import numpy as np
 from jaxtyping import Float
 
 from jenga_control.cost import CostConfig, plan_cost
-from jenga_control.dynamics import Dynamics, Learned
+from jenga_control.dynamics import Dynamics, Learned, NothingMoves
 from jenga_control.mppi import Controller, MPPIConfig
+from jenga_control.touch_pull import CarefulTouch, TouchConfig
+from jenga_data.collect.branches import Branch, Trunk
 from jenga_data.collect.config import Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
-from jenga_data.collect.extraction import Policy, run_extraction
+from jenga_data.collect.extraction import Onlooker, Policy, View, run_extraction
 from jenga_data.collect.rollout import OpenLog
 from jenga_data.episode import CONTROL_STEP_NS, Result
 from jenga_data.errors import JengaError
@@ -23,9 +24,15 @@ from jenga_data.tower import TowerState
 CONTROLLERS = ("full", "naive", "straight")
 """MPPI on O_a + O_d; MPPI on O_a alone, the paper's baseline; a straight pull at one speed, the trivial one."""
 
+DYNAMICS = ("learned", "simulator", "trivial")
+"""What predicts the tower for O_d: a checkpoint; MuJoCo itself; or the target moves by the action, nothing else."""
+
 
 class MPPIPolicy:
-    """Plans anew at every control step. Without dynamics, the objective must be one that looks at actions alone."""
+    """Plans anew at every control step. Without dynamics, the objective must be one that looks at actions alone.
+
+    `wanted` is the last plan's first action before it was put on the executed limits.
+    """
 
     def __init__(
         self, search: MPPIConfig, cost: CostConfig, dynamics: Dynamics | None, rng: np.random.Generator
@@ -35,27 +42,25 @@ class MPPIPolicy:
         self._controller = Controller(search, rng)
         self._cost = cost
         self._dynamics = dynamics if cost.needs_dynamics else None
-        self._set_point: Float[np.ndarray, 3] | None = None
+        self.wanted = np.zeros(3)
+
+    def enter(self, view: View) -> None:
+        """Show the running world to dynamics that need more than poses."""
+        if isinstance(self._dynamics, Onlooker):
+            self._dynamics.enter(view)
 
     def act(self, state: TowerState, target: int) -> Float[np.ndarray, "3"]:
         dynamics = self._dynamics
         if dynamics is not None:
-            dynamics.start(state, target, self._lag(state.pose[target, :3]))
+            dynamics.start(state, target)
 
         def rollout(plans: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, " sample"]:
             poses = dynamics.rollout(plans) if dynamics is not None else None
             return plan_cost(plans, poses, target, self._cost)
 
-        action = self._controller.plan(rollout).action
-        if self._set_point is not None:
-            self._set_point = self._set_point + action
-        return action
-
-    def _lag(self, held: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3"]:
-        """How far the set point is ahead of what the hand holds, from where it was held at the first decision [m]."""
-        if self._set_point is None:
-            self._set_point = held.copy()
-        return self._set_point - held
+        plan = self._controller.plan(rollout)
+        self.wanted = plan.unclipped
+        return plan.action
 
 
 class StraightPull:
@@ -81,38 +86,59 @@ class ClosedLoop:
     speed: float = 0.15
     """Of the straight pull [m/s]."""
     threads: int = 1
+    dynamics: str = "learned"
+    touch: TouchConfig | None = None
+    """How the pull heeds what the fingers feel, None if it does not."""
 
     def __post_init__(self) -> None:
-        if self.controller not in CONTROLLERS:
-            raise JengaError(f"unknown controller {self.controller!r}; allowed: {', '.join(CONTROLLERS)}")
+        for name, allowed in (("controller", CONTROLLERS), ("dynamics", DYNAMICS)):
+            if (value := getattr(self, name)) not in allowed:
+                raise JengaError(f"unknown {name} {value!r}; allowed: {', '.join(allowed)}")
+
+    @property
+    def model_name(self) -> str:
+        """What predicts the tower; "none" where nobody asks."""
+        return self.dynamics if self.controller != "straight" and self.cost.needs_dynamics else "none"
 
     @property
     def actor(self) -> Actor:
         """Who acts, for the key of the episode and its log."""
+        felt = {} if self.touch is None else {"touch": asdict(self.touch)}
         if self.controller == "straight":
-            return Actor({"name": "straight", "speed": self.speed})
-        settings: dict[str, Any] = {
-            "name": self.controller,
-            "search": msgspec.to_builtins(self.search),
-            "cost": msgspec.to_builtins(self.cost),
-        }
-        return Actor(settings, self.model_hash if self.cost.needs_dynamics else "")
+            return Actor({"name": "straight", "speed": self.speed, **felt})
+        settings: dict[str, Any] = {"name": self.controller, "search": asdict(self.search), "cost": asdict(self.cost)}
+        if self.model_name not in ("none", "learned"):
+            settings["dynamics"] = self.dynamics
+        return Actor(settings | felt, self.model_hash if self.model_name == "learned" else "")
 
     def policy(self, rng: np.random.Generator) -> Policy:
         """A fresh policy for one rollout."""
-        if self.controller == "straight":
-            return StraightPull(self.speed)
+        pull = StraightPull(self.speed) if self.controller == "straight" else self._mppi(rng)
+        return pull if self.touch is None else CarefulTouch(pull, self.touch)
+
+    def _mppi(self, rng: np.random.Generator) -> MPPIPolicy:
         dynamics = None
-        if self.cost.needs_dynamics and self.model is not None:
+        if self.model_name == "simulator":
+            from jenga_control.simulator_dynamics import Simulated
+
+            dynamics = Simulated(self.threads)
+        elif self.model_name == "trivial":
+            dynamics = NothingMoves()
+        elif self.model_name == "learned" and self.model is not None:
             dynamics = Learned(_opened(self.model, self.threads))
         return MPPIPolicy(self.search, self.cost, dynamics, rng)
 
     def __call__(self, seed: int, number: int, open_log: OpenLog) -> Result:
+        """The whole rollout by itself."""
         policy = self.policy(episode_rng(seed, number, "controller"))
         return run_extraction(self.config, seed, number, open_log, policy, self.actor)
 
+    def pull(self, trunk: Trunk) -> Branch:
+        """The same rollout from the grasp on, with what comes before it shared."""
+        return trunk.branch(self.policy(episode_rng(trunk.seed, trunk.number, "controller")))
 
-@lru_cache(maxsize=1)
+
+@lru_cache(maxsize=4)
 def _opened(model: Path, threads: int):
     import torch
 

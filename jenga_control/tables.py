@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jenga_control.pulls import by_information
-from jenga_data.report import markdown_table, number, with_interval
+from jenga_data.report import MISSING, markdown_table, number, with_interval
 
 
 def selection_tables(report: dict[str, Any]) -> str:
@@ -213,3 +213,44 @@ def extraction_tables(reports: Sequence[dict[str, Any]]) -> str:
         counts = [(cause or "none given", *(report["causes"].get(cause, 0) for report in reports)) for cause in causes]
         parts.append(markdown_table(header, counts))
     return "\n".join(parts)
+
+
+def extraction_report_tables(report: dict[str, Any]) -> str:
+    """Every way to pull in one table, what it adds to the best straight pull, then why and when pulls fail."""
+    ways, best = report["ways"], report["best_straight"]
+    rows = []
+    for name, row in ways.items():
+        above = row.get("above_best_straight")
+        rows.append(
+            (
+                f"**{name}**" if name == best else name,
+                row["success"],
+                row["success_without_dragging"],
+                row["median_disturbance_mm"],
+                row["speed"],
+                MISSING if above is None else with_interval(above["difference"], above["ci95"]),
+                MISSING if above is None else above["p_value"],
+            )
+        )
+    against = f"Above {best}" if best else "Above the best straight pull"
+    scores = ("Success", "Without dragging", "Disturbance [mm]", "Speed [m/s]", against, "p")
+    paper = ", ".join(f"{name} {rate:.0%}" for name, rate in report["paper"].items())
+    parts = [
+        f"{report['towers']:,} towers; every tower that was started counts, missed grasps and bad pushes included. "
+        f"The disturbance is the median over towers of the largest displacement of another block. The paper: {paper} "
+        "of 100.\n",
+        markdown_table(("Way to pull", *scores), rows),
+        f"At least one of these ways succeeds in {number(report['any']['success'])} of the towers that all have, "
+        f"without dragging in {number(report['any']['success_without_dragging'])}.\n",
+        "".join(
+            f"{name} over {seed['n']} checkpoints: {_mean_and_spread(seed['mean'], seed['std'], seed['n'])}.\n"
+            for name, seed in report["seeds"].items()
+        ),
+    ]
+    groups = list(dict.fromkeys(group for row in ways.values() for group in row["by_round"]))
+    by_round = [(name, *(row["by_round"].get(group) for group in groups)) for name, row in ways.items()]
+    parts.append(markdown_table(("Success in rounds", *groups), by_round))
+    if causes := sorted({cause for row in ways.values() for cause in row["causes"]}):
+        counts = [(cause, *(row["causes"].get(cause, 0) for row in ways.values())) for cause in causes]
+        parts.append(markdown_table(("Cause of failure", *ways), counts))
+    return "\n".join(part for part in parts if part)

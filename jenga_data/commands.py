@@ -113,6 +113,7 @@ def convert(
     version: str,
     out: Path,
     onto: MaybeText = None,
+    licence: MaybeText = None,
     workers: int = 2,
     json: Json = False,
 ) -> Shown:
@@ -125,6 +126,7 @@ def convert(
         out: new folder of the dataset.
         onto: a dataset (NAME@X.Y.Z or folder) that the new one continues: its files are taken over as they are, logs
             that it holds already are skipped.
+        licence: of the data, by its SPDX name; CC-BY-4.0 where none is given, with --onto that of the dataset.
         workers: processes that read logs; their number changes nothing but the time.
     """
     from jenga_data.dataset.edit_text import conversion_text, edit_lines
@@ -136,12 +138,13 @@ def convert(
     data, lines = {}, []
     if onto is None:
         from jenga_data.dataset.convert import convert as run
+        from jenga_data.dataset.describe import LICENCE
 
-        manifest = run(logs, out, name, version, workers=workers)
+        manifest = run(logs, out, name, version, licence=licence or LICENCE, workers=workers)
     else:
         from jenga_data.dataset.onto import convert_onto
 
-        edited = convert_onto(onto, logs, out, name, version, workers=workers)
+        edited = convert_onto(onto, logs, out, name, version, licence=licence, workers=workers)
         manifest, data, lines = edited.manifest, edited.as_dict(), edit_lines(edited)
     rounds = by_round(open_dataset(out).episodes())
     data |= {"dataset": manifest.identifier, "hash": manifest.hash, "out": str(out)}

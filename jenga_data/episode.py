@@ -116,12 +116,16 @@ class Frame:
 
 @dataclass(frozen=True, eq=False)
 class Action:
-    """What was commanded between frame `frame` and the next, and what came of it: displacements in the world [m]."""
+    """What was commanded between frame `frame` and the next, and what came of it: displacements in the world [m].
+
+    `wanted` is what the controller asked for before it was put on the limits, None where it is `displacement`.
+    """
 
     frame: int
     time_ns: int
     displacement: Float[np.ndarray, "3"]
     reached: Float[np.ndarray, "3"]
+    wanted: Float[np.ndarray, "3"] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,6 +196,8 @@ class Episode:
     result: Result | None
     turntable: Float[np.ndarray, " frame"]
     robot: RobotTrack | None
+    action_wanted: Float[np.ndarray, "action 3"] | None = None
+    """Before limits; None where nobody asked for more than was done."""
 
     def tower_state(self, frame: SupportsIndex) -> TowerState:
         """The tower at `frame`, as the controller saw it."""

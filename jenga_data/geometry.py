@@ -7,7 +7,7 @@ sampled towers) and the checks (a whole episode) share it.
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jenga_data.tower import turn_poses
 
@@ -58,6 +58,18 @@ def footprint_overlap(
     return np.minimum(one_way, np.swapaxes(one_way, -1, -2))
 
 
+def footprint_overlap_of(
+    pose: Float[np.ndarray, "*batch block 7"],
+    size: Float[np.ndarray, "*#batch block 3"],
+    first: tuple[Int[np.ndarray, " pair"], ...],
+    second: tuple[Int[np.ndarray, " pair"], ...],
+) -> Float[np.ndarray, " pair"]:
+    """`footprint_overlap` of some pairs alone: of the blocks at the indices `first` and `second` of (*batch, block)."""
+    every = _Shadows.of(pose, size)
+    a, b = every.at(first), every.at(second)
+    return np.minimum(a.overlap_across_own_edges(b), b.overlap_across_own_edges(a))[:, 0, 0]
+
+
 class _Shadows(NamedTuple):
     """Boxes seen from above."""
 
@@ -81,13 +93,18 @@ class _Shadows(NamedTuple):
             self.centre[..., one, :], self.reach[..., one, :, :], self.across[..., one, :, :], self.upright[..., one, :]
         )
 
+    def at(self, index: tuple[Int[np.ndarray, " pair"], ...]) -> "_Shadows":
+        """One block a batch."""
+        return _Shadows(*(part[index][:, None] for part in self))
+
     def overlap_across_own_edges(self, other: "_Shadows") -> Float[np.ndarray, "*batch block other"]:
         """Least overlap with each of the others over the directions across one's own edges."""
         *batch, count, _ = self.upright.shape
         rows = self.across.reshape(*batch, 3 * count, 2)
-        sides = np.swapaxes(other.reach.reshape(*batch, -1, 2), -1, -2)
-        extent = np.abs(rows @ sides).reshape(*batch, count, 3, -1, 3).sum(-1)
-        centre = (rows @ np.swapaxes(other.centre, -1, -2)).reshape(*batch, count, 3, -1)  # (..., i, edge, j)
+        others = other.upright.shape[-2]
+        sides = np.swapaxes(other.reach.reshape(*batch, 3 * others, 2), -1, -2)
+        extent = np.abs(rows @ sides).reshape(*batch, count, 3, others, 3).sum(-1)
+        centre = (rows @ np.swapaxes(other.centre, -1, -2)).reshape(*batch, count, 3, others)  # (..., i, edge, j)
         own_extent = np.abs(self.across @ np.swapaxes(self.reach, -1, -2)).sum(-1)[..., None]
         own_centre = self.across @ self.centre[..., None]
         overlap = np.minimum(own_extent + extent - np.abs(own_centre - centre), 2 * np.minimum(own_extent, extent))

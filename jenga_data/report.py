@@ -7,7 +7,21 @@ from typing import Any
 
 import msgspec
 
+from jenga_data.errors import JengaError
+
 MISSING = "–"
+
+
+def make_folder(out: Path) -> None:
+    """Make the folder of a report before the work begins that fills it.
+
+    Raises:
+        JengaError: the system refuses.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise JengaError(f"cannot write to {out}: {error.strerror}; choose another --out") from None
 
 
 def number(value: Any) -> str:

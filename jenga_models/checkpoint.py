@@ -153,7 +153,7 @@ def load(path: Path | str) -> Checkpoint:
     except CheckFailed as error:
         raise CheckFailed(f"{path / CARD}: {error}") from None
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, normalisation)
-    model = build(config, spec.node_width, featurizer.edge_width)
+    model = build(config, spec, featurizer.edge_width)
     try:
         model.load_state_dict(load_weights(blobs[WEIGHTS]))
     except (SafetensorError, RuntimeError):

@@ -18,7 +18,8 @@ class Training:
     graph: str
     """What nodes hold, see jenga_data.graph: G_s, G_sp (with poses), G_s+layout (with level and slot), G_e."""
     model: str
-    """Architecture, see jenga_models.registry: "gcn" or "interaction" select, "gns" simulates, or one of your own."""
+    """Architecture, see jenga_models.registry: "gcn", "interaction" or "sweep" select, "gns" simulates, or one of your
+    own."""
     layers: int
     """Steps of message passing."""
     width: int
@@ -86,7 +87,29 @@ class SelectionTraining(Training):
     residual: bool = False
     """Add each layer's input to its output (gcn; the interaction model always does)."""
     readout: Literal["mean", "target"] = "mean"
-    """Classify by the mean over all blocks, or by what the target has gathered."""
+    """Classify by the mean over all blocks, or by what the target has gathered (sweep always does that)."""
+    dropout: float = 0.0
+    """Part of the readout's hidden numbers that a training step leaves out (sweep only)."""
+    mirror: bool = False
+    """Show towers mirrored at random, even and odd levels each for itself: a mirrored pull ends alike. Not for graphs
+    with poses; one without slots looks the same in the mirror."""
+    members: int = 1
+    """Networks in one checkpoint, each with its own initial weights (sweep only); it says the mean of their
+    probabilities."""
+    calibrate: bool = False
+    """Divide the logits by the number that gives the least loss on the validation towers, so that probabilities are
+    honest (sweep only; temperature scaling, Guo 2017, arXiv 1706.04599)."""
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.members < 1:
+            raise JengaError(f"members is {self.members}; allowed: 1 and more")
+        if not 0 <= self.dropout < 1:
+            raise JengaError(f"dropout is {self.dropout}; allowed: 0 to below 1")
+        if self.calibrate and self.train_on_validation:
+            raise JengaError("calibrate needs validation towers, train_on_validation trains on them; choose one")
+        if self.mirror and "block_pose" in graph_spec(self.graph).node_features:
+            raise JengaError(f"graph {self.graph!r} holds poses, which mirror does not turn; leave mirror off")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -157,16 +180,21 @@ SELECTION_PRESETS: dict[str, SelectionTraining] = {
     "paper": SelectionTraining(train_on_validation=True),
     "best": SelectionTraining(
         graph="G_s+layout",
-        model="interaction",
-        layers=8,
-        shared_layers=True,
-        flow="both",
+        model="sweep",
+        layers=3,
+        width=48,
         readout="target",
-        weight_decay=1e-4,
+        dropout=0.2,
+        mirror=True,
+        members=4,
+        calibrate=True,
+        learning_rate=2e-3,
+        weight_decay=1e-2,
         schedule="cosine",
         gradient_clip=1.0,
-        epochs=120,
-        patience=30,
+        batch_size=50,
+        epochs=30,
+        patience=8,
     ),
     "fast": SelectionTraining(
         graph="G_s+layout",

@@ -1,5 +1,6 @@
 """What Lightning asks for batches: graphs of a dataset's rows, with what the network should say of them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -77,3 +78,7 @@ class GraphData(LightningDataModule):
 
     def val_dataloader(self) -> DataLoader[Batch] | list[DataLoader[Batch]]:
         return self._loader(self._validation) if len(self._validation) else []
+
+    def validation_batches(self) -> Iterator[Batch]:
+        """The validation rows in their order, for what is done with them after training."""
+        return (self._batches[rows] for rows in self._validation)

@@ -15,11 +15,13 @@ ACTION_WIDTH = 3
 
 @dataclass(frozen=True)
 class Widths:
-    """Numbers a node, an edge and a graph (its action) bring in; what a model is built for."""
+    """Numbers a node, an edge and a graph (its action) bring in; what a model is built for. `flag` is the column of
+    the nodes that marks the target."""
 
     node: int
     edge: int
     action: int
+    flag: int
 
 
 class Trunk(nn.Module):

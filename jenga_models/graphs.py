@@ -45,10 +45,11 @@ class Graphs:
         return values[:, None, :] if self.graph is None else values[self.graph]
 
     def at_target(self, values: Float[Tensor, "*sample node value"]) -> Float[Tensor, "graph value"]:
-        """What the targets hold."""
+        """What the targets hold; one sample may serve many targets."""
         if self.graph is not None:
             return values[self.target]
-        return values[torch.arange(len(self), device=values.device), self.target]
+        sample = torch.arange(len(self), device=values.device) if len(values) > 1 else 0
+        return values[sample, self.target]
 
     def mean(self, values: Float[Tensor, "*sample node value"]) -> Float[Tensor, "graph value"]:
         """The mean over the nodes of each graph."""

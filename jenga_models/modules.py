@@ -3,14 +3,18 @@
 from abc import ABC, abstractmethod
 from typing import Any
 
+import numpy as np
 import torch
 from lightning.pytorch import LightningModule
 from torch import Tensor, nn
 from torch.nn import functional
 
+from jenga_data.graph_spec import graph_spec
+from jenga_models.committee import Committee, mean_log_probability
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import Batch
 from jenga_models.factored import MOTION_UNIT
+from jenga_models.mirror import mirrored
 
 PLAN_WEIGHTS = (1.0, 0.5, 0.2)
 """Of the errors of steps, of their sums and of velocities."""
@@ -33,6 +37,11 @@ class _Module(LightningModule, ABC):
             self.log(f"{split}_{name}", value, on_step=False, on_epoch=True, batch_size=len(batch))
         return metrics["loss"]
 
+    def on_train_batch_start(self, batch: Batch, batch_idx: int) -> None:
+        # What a step draws depends on nothing before it, so that a resumed training draws the same.
+        step = (self.config.seed, self.current_epoch, batch_idx)
+        torch.manual_seed(int(np.random.SeedSequence(step).generate_state(1)[0]))
+
     def training_step(self, batch: Batch) -> Tensor:
         return self._step("train", batch)
 
@@ -52,14 +61,22 @@ class _Module(LightningModule, ABC):
 
 
 class SelectionModule(_Module):
-    """Cross-entropy over (holds, fails) (paper, section II-B)."""
+    """Cross-entropy over (holds, fails) (paper, section II-B); in training that of each member of a committee."""
 
     config: SelectionTraining
 
     def metrics(self, batch: Batch) -> dict[str, Tensor]:
-        logits = self.network(batch.graphs)
-        right = logits.argmax(1) == batch.wanted
-        return {"loss": functional.cross_entropy(logits, batch.wanted), "accuracy": right.float().mean()}
+        graphs, wanted = batch.graphs, batch.wanted
+        if self.training and self.config.mirror:
+            graphs = mirrored(graphs, graph_spec(self.config.graph))
+        if self.training and isinstance(self.network, Committee):
+            each = self.network.each(graphs)
+            loss = functional.cross_entropy(each.flatten(0, 1), wanted.repeat(len(each)))
+            logits = mean_log_probability(each)
+        else:
+            logits = self.network(graphs)
+            loss = functional.cross_entropy(logits, wanted)
+        return {"loss": loss, "accuracy": (logits.argmax(1) == wanted).float().mean()}
 
 
 class DynamicsModule(_Module):

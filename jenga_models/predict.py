@@ -1,6 +1,7 @@
 """Trained models on live towers: which pulls fail, and what becomes of a tower under 100 actions at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from jenga_models.checkpoint import Checkpoint, Kind, load
 from jenga_models.columns import Towers
 from jenga_models.factored import Factored
 from jenga_models.features import feature_slices, raw_nodes
+from jenga_models.sweep import SweepClassifier
 
 
 def opened(checkpoint: Checkpoint | Path | str, kind: Kind) -> Checkpoint:
@@ -28,6 +30,17 @@ def opened(checkpoint: Checkpoint | Path | str, kind: Kind) -> Checkpoint:
 
 CPU_SAMPLES = 25
 """Samples a forward pass on a CPU: the messages of more do not fit its cache, and take up to twice as long each."""
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """For products so small that threads wait for each other longer than they work."""
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(threads)
 
 
 class Selector:
@@ -47,17 +60,20 @@ class Selector:
             raise JengaError(f"no block {unknown[0]} in a tower of {len(state.blocks)}, numbered from 0")
         if not len(targets):
             return np.zeros(0)
-        featurizer = self.checkpoint.featurizer
+        featurizer, model = self.checkpoint.featurizer, self.checkpoint.model
         towers = Towers.of_state(state, np.asarray(targets))
         one = slice(0, towers.offset[1])
+        node = raw_nodes(featurizer.spec, towers)
+        if isinstance(model, SweepClassifier) and "block_pose" not in featurizer.spec.node_features:
+            node = node[:1]  # nothing that it looks at differs between targets
         graphs = featurizer.graphs(
-            raw_nodes(featurizer.spec, towers),
+            node,
             torch.tensor(towers.upper[one]),
             torch.tensor(towers.lower[one]),
             target=torch.tensor(towers.target),
         )
-        with torch.inference_mode():
-            return self.checkpoint.model(graphs).double().softmax(-1)[:, 1].numpy()
+        with torch.inference_mode(), one_thread():
+            return model(graphs).double().softmax(-1)[:, 1].numpy()
 
 
 class LearnedDynamics:

@@ -1,6 +1,7 @@
 """A store's graphs as one featurizer sees them: computed once, so that a batch is gathered and not computed."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import torch
@@ -12,6 +13,13 @@ from jenga_models.graphs import Graphs
 from jenga_models.store import GraphStore
 
 _ROWS_AT_ONCE = 1024
+
+
+@lru_cache(maxsize=8)
+def _counted(graphs: int, blocks: int) -> tuple[Int[Tensor, " node"], Int[Tensor, " graph"]]:
+    """To which graph each node of a batch belongs, and the first node of each graph: the same in every full batch, so
+    that all of them share these tensors. Nobody may write into them."""
+    return torch.arange(graphs).repeat_interleave(blocks), torch.arange(graphs) * blocks
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +57,15 @@ class ReadyStore:
 
     def batch(self, rows: Int[Tensor, " graph"]) -> Graphs:
         """The graphs of some rows, normalised, as one flat batch in the order of `rows`."""
-        store, blocks = self.store, self.store.blocks
-        graph = torch.arange(len(rows))
+        graph, first = _counted(len(rows), self.store.blocks)
         edge_index, edge = self._edges(rows)
         return Graphs(
             node=self.node.index_select(0, rows).flatten(0, 1),
             edge_index=torch.from_numpy(edge_index),
             edge=torch.from_numpy(edge),
-            target=store.target[rows] + graph * blocks,
-            action=None if self.action is None else self.action[rows],
-            graph=graph[:, None].expand(-1, blocks).reshape(-1),
+            target=self.store.target.index_select(0, rows) + first,
+            action=None if self.action is None else self.action.index_select(0, rows),
+            graph=graph,
         )
 
     def _edges(

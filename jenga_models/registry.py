@@ -12,9 +12,13 @@ import torch
 from torch import nn
 
 from jenga_data.errors import JengaError
+from jenga_data.graph_spec import GraphSpec
+from jenga_models.committee import Committee
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.factored import Factored
+from jenga_models.features import feature_slices
 from jenga_models.gns import ACTION_WIDTH, GNS, InteractionClassifier, Widths
+from jenga_models.sweep import SweepClassifier
 
 
 def _gcn(config: SelectionTraining, widths: Widths) -> nn.Module:
@@ -39,6 +43,16 @@ def _interaction(config: SelectionTraining, widths: Widths) -> nn.Module:
     )
 
 
+def _sweep(config: SelectionTraining, widths: Widths) -> nn.Module:
+    if config.flow != "down":
+        raise JengaError(f"flow is {config.flow!r}; allowed for the model sweep: down (it goes both ways by itself)")
+    if config.readout != "target":
+        raise JengaError(f"readout is {config.readout!r}; allowed for the model sweep: target")
+    return SweepClassifier(
+        widths, width=config.width, sweeps=config.layers, members=config.members, dropout=config.dropout
+    )
+
+
 def _gns(config: DynamicsTraining, widths: Widths) -> nn.Module:
     return GNS(
         widths,
@@ -53,11 +67,15 @@ def _factored(config: DynamicsTraining, widths: Widths) -> nn.Module:
     return Factored(config.width, config.layers, config.decoder_width)
 
 
-SELECTORS: dict[str, Callable[[SelectionTraining, Widths], nn.Module]] = {"gcn": _gcn, "interaction": _interaction}
+SELECTORS: dict[str, Callable[[SelectionTraining, Widths], nn.Module]] = {
+    "gcn": _gcn,
+    "interaction": _interaction,
+    "sweep": _sweep,
+}
 SIMULATORS: dict[str, Callable[[DynamicsTraining, Widths], nn.Module]] = {"gns": _gns, "factored": _factored}
 
 
-def build(config: Training, node_width: int, edge_width: int) -> nn.Module:
+def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:
     """A network with fresh weights, drawn from the config's seed and nothing else.
 
     Raises:
@@ -71,7 +89,13 @@ def build(config: Training, node_width: int, edge_width: int) -> nn.Module:
             f"unknown model {config.model!r} for {kind}; registered: {', '.join(table)}; "
             "import the module that registers yours first"
         )
+    flag = feature_slices(spec)["target_flag"].start
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        widths = Widths(node_width, edge_width, 0 if selection else ACTION_WIDTH)
-        return table[config.model](config, widths)  # pyright: ignore[reportArgumentType]
+        widths = Widths(spec.node_width, edge_width, 0 if selection else ACTION_WIDTH, flag)
+        model = table[config.model](config, widths)  # pyright: ignore[reportArgumentType]
+    if isinstance(config, SelectionTraining) and not isinstance(model, Committee):
+        given = [f for f, neutral in (("members", 1), ("calibrate", False)) if getattr(config, f) != neutral]
+        if given:
+            raise JengaError(f"{given[0]} is not for model {config.model!r}; allowed for: sweep, and own committees")
+    return model

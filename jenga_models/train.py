@@ -18,6 +18,7 @@ from jenga_data.graph_spec import GraphSpec, graph_spec
 from jenga_models.callbacks import KeepBest, MetricLog
 from jenga_models.checkpoint import load, save
 from jenga_models.columns import Rows, dataset_name
+from jenga_models.committee import Committee
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
@@ -89,7 +90,7 @@ def _train(
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, problem.normalisation)
     if problem.keep is not None:
         train, validation = train[problem.keep[train]], validation[problem.keep[validation]]
-    module = lightning(build(config, spec.node_width, featurizer.edge_width), config)
+    module = lightning(build(config, spec, featurizer.edge_width), config)
     data = GraphData(
         problem.store,
         featurizer,
@@ -103,15 +104,26 @@ def _train(
     log, best = MetricLog(folder.metrics), KeepBest(config.patience)
     try:
         folder.begin()
-        fit(kind, config, module, data, log, best, folder, ready_state)
+        with torch.random.fork_rng(devices=[]):
+            fit(kind, config, module, data, log, best, folder, ready_state)
         module.load_state_dict(best.weights)
         metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
         network = module.get_submodule("network")
+        if isinstance(network, Committee) and isinstance(config, SelectionTraining) and config.calibrate:
+            _calibrate(network, data)
         save(out, network, config, spec, problem.normalisation, dataset, metrics)
         shutil.rmtree(folder.state)
     except OSError as error:
         raise JengaError(f"cannot write {out}: {error.strerror or error}; make room, then add --resume") from error
     return TrainResult(out, load(out).hash, metrics, time.monotonic() - started)
+
+
+def _calibrate(network: Committee, data: GraphData) -> None:
+    network.cpu().eval()
+    with torch.no_grad():
+        said = [(network(batch.graphs), batch.wanted) for batch in data.validation_batches()]
+    logits, wanted = (torch.cat(parts) for parts in zip(*said, strict=True))
+    network.calibrate(logits, wanted)
 
 
 def _split(
@@ -132,9 +144,10 @@ def _split(
         raise JengaError("accelerator is cuda, and torch sees no GPU; allowed here: auto, cpu")
     if len(train) == 0:
         raise JengaError(f"{name} has no training rows; convert more episodes")
-    if config.patience and len(validation) == 0:
+    calibrate = isinstance(config, SelectionTraining) and config.calibrate
+    if (config.patience or calibrate) and len(validation) == 0:
         raise JengaError(
-            f"{name} has no validation rows to stop early by; convert more towers, or set patience to 0 "
-            "and train_on_validation"
+            f"{name} has no validation rows to stop early and calibrate by; convert more towers, or set patience to 0, "
+            "calibrate off and train_on_validation"
         )
     return train, validation

@@ -20,7 +20,7 @@ from jenga_data.errors import JengaError
 from jenga_data.log.reader import attachment, read_episode
 from jenga_data.log.writer import EpisodeWriter
 from jenga_data.progress import progress
-from jenga_data.report import write_report
+from jenga_data.report import make_folder, write_report
 from jenga_data.statistics import ratio_bootstrap
 
 T = TypeVar("T")
@@ -56,10 +56,7 @@ def bench_log(config: SelectionConfig, towers: int, seed: int, out: Path) -> dic
     if towers < 1:
         raise JengaError(f"towers is {towers}; allowed: 1 or more, such as 2")
     check_seed(seed)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise JengaError(f"cannot write to {out}: {error.strerror}; choose another --out") from None
+    make_folder(out)
     traces, times = [], []
     with TemporaryDirectory() as name, progress("measuring logs", 2 * towers) as bar:
         for number in range(towers):

@@ -18,7 +18,7 @@ from jenga_data.collect.rollout import provenance
 from jenga_data.collect.workers import Rollout, run_one
 from jenga_data.errors import JengaError
 from jenga_data.progress import progress
-from jenga_data.report import markdown_table, write_report
+from jenga_data.report import make_folder, markdown_table, write_report
 
 
 def bench_sim(
@@ -38,10 +38,7 @@ def bench_sim(
     if towers < 1 or workers < 1:
         raise JengaError(f"towers is {towers} and workers is {workers}; both must be at least 1, such as 8 and 2")
     check_seed(seed)
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise JengaError(f"cannot write to {out}: {error.strerror}; choose another --out") from None
+    make_folder(out)
     load = os.getloadavg()[0]
     with TemporaryDirectory() as name, progress("measuring episodes", 4 * towers) as bar:
         folder = Path(name)

@@ -1,6 +1,7 @@
 """Extraction rollouts: a gripper grasps the block that sticks out and pulls it over T actions (paper, section II-C)."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
@@ -8,15 +9,12 @@ from jaxtyping import Float
 
 from jenga_data.collect.config import NOBODY, PULL_FRAMES, Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
-from jenga_data.collect.observe import let_sleep, observe
+from jenga_data.collect.observe import let_sleep
 from jenga_data.collect.recording import Recording
-from jenga_data.collect.rollout import OpenLog, header_of
-from jenga_data.collect.stage import Stage, set_stage
+from jenga_data.collect.rollout import OpenLog
+from jenga_data.collect.stage import set_stage
 from jenga_data.episode import Result
 from jenga_data.errors import UnreachableError
-from jenga_data.sim.gripper import Gripper, add_gripper
-from jenga_data.sim.scene import add_tower, base_spec, xml_with_start
-from jenga_data.sim.world import World
 from jenga_data.tower import TowerState
 
 MAX_STEP_CHANGE = 0.013
@@ -24,9 +22,6 @@ MAX_STEP_CHANGE = 0.013
 LIMITS = np.array([0.02, 0.001, 0.001])
 """Largest displacement a period along x, y, z [m] (paper, sections II-A and II-C)."""
 
-_APPROACH = 0.04
-_APPROACH_FRAMES = 10
-_GRASP_FRAMES = 8
 SLIP = 0.005
 """What moves by more in the fingers is not held [m]."""
 _AWAY = 0.05
@@ -47,6 +42,30 @@ class Policy(Protocol):
     """Chooses the displacement of the end effector for the next control period."""
 
     def act(self, state: TowerState, target: int) -> Float[np.ndarray, "3"]: ...
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What a policy may look at beside the tower, and must not change: the running world, what the recording knows
+    (`recording.felt` are the latest fingertip samples), and the hand; `steps` are physics steps a control step."""
+
+    recording: Recording
+    hand: Hand
+    steps: int
+
+
+@runtime_checkable
+class Onlooker(Protocol):
+    """A policy that looks at more than the tower: it is shown the rest once, when the target has been grasped."""
+
+    def enter(self, view: View) -> None: ...
+
+
+@runtime_checkable
+class Proposer(Protocol):
+    """A policy that keeps to limits of its own: `wanted` is what it would have done without them, for the log."""
+
+    wanted: Float[np.ndarray, "3"]
 
 
 class RandomPull:
@@ -83,75 +102,12 @@ def run_extraction(
         policy: who pulls, named by `actor`, and no longer than it takes to get the block clear; without one a
             `RandomPull` makes all T actions.
     """
+    from jenga_data.collect.attempt import attempt_of, run_attempt
+
     stage = set_stage(config, seed, number)
     puller = policy or RandomPull(config, episode_rng(seed, number, "policy"))
     pull = Pull(puller, all_actions=policy is None)
-    if config.body == "robot":
-        from jenga_data.collect.robot_extraction import run_with_robot  # loads inverse kinematics
-
-        return run_with_robot(config, seed, number, stage, open_log, pull, actor)
-    return _run_with_gripper(config, seed, number, stage, open_log, pull, actor)
-
-
-def _run_with_gripper(
-    config: ExtractionConfig, seed: int, number: int, stage: Stage, open_log: OpenLog, pull: "Pull", actor: Actor
-) -> Result:
-    world, gripper = gripper_scene(config, stage)
-    steps = config.physics.steps_a_frame
-    header = header_of(config, seed, number, stage, actor)
-
-    with open_log(header, xml_with_start(world.spec, world.data)) as log:
-        recording = Recording(world, log, stage.target)
-
-        def substep(i: int) -> None:
-            gripper.drive(i / steps)
-            world.step()
-            if (i + 1) % config.physics.steps_a_touch == 0:
-                recording.gripper(gripper.sample(recording.time_ns()))
-
-        def hold(i: int) -> None:
-            if i == 0:
-                gripper.begin(np.zeros(3))
-            substep(i)
-
-        def move(displacement: Float[np.ndarray, "3"], frames: int) -> None:
-            for _ in range(frames):
-                gripper.begin(displacement / frames)
-                recording.advance(substep, steps)
-
-        world.allow_sleep(True)  # nothing touches the tower yet; the fingers will wake it
-        recording.phase("approach")
-        move(np.array([_APPROACH, 0.0, 0.0]), _APPROACH_FRAMES)
-        move(np.zeros(3), 1)
-        recording.phase("grasp")
-        for frame in range(_GRASP_FRAMES):
-            gripper.close((frame + 1) / _GRASP_FRAMES)
-            move(np.zeros(3), 1)
-        cause = "" if _holds(recording, gripper) else "grasp_missed"
-        world.allow_sleep(False)
-        if not cause:
-            recording.phase("pull")
-            cause = pull.run(recording, gripper, substep, steps)
-        recording.phase("observe")
-        observe(recording, config.physics, hold)
-        return recording.finish(cause)
-
-
-def gripper_scene(config: ExtractionConfig, stage: Stage) -> tuple[World, Gripper]:
-    """The tower with the open gripper in front of the end that sticks out."""
-    spec = base_spec(config.physics)
-    add_tower(spec, stage.blocks, stage.state.pose, stage.target, config.physics)
-    grasp = stage.state.pose[stage.target, :3].copy()
-    grasp[0] -= stage.blocks.size[stage.target, 0] / 2 - config.sticks_out / 2
-    add_gripper(spec, grasp - [_APPROACH, 0, 0], config.gripper, config.physics)
-    world = World(spec, stage.blocks, stage.layout)
-    return world, Gripper(world, config.gripper)
-
-
-def _holds(recording: Recording, gripper: Gripper) -> bool:
-    """Whether the fingers are as far apart as the target is wide: on it, and not on air or on two blocks."""
-    width = recording.world.blocks.size[recording.target, 1]
-    return bool(abs(gripper.width - width) < SLIP)
+    return run_attempt(attempt_of(config, stage), pull, config, seed, number, stage, open_log, actor)
 
 
 class Pull:
@@ -167,21 +123,24 @@ class Pull:
 
     def run(self, recording: Recording, hand: Hand, substep: Callable[[int], None], steps: int) -> str:
         """Execute the actions; returns the cause of a pull that went wrong."""
+        if isinstance(self._policy, Onlooker):
+            self._policy.enter(View(recording, hand, steps))
         held = recording.poses[-1][recording.target, :3] - hand.position
         action = np.zeros(3)
         for _ in range(PULL_FRAMES):
             away = recording.distance_clear() > _AWAY
             if recording.has_collapsed() or (away and not self._all):
                 break
-            wanted = self._policy.act(recording.world.tower_state(), recording.target)
-            action = executable(np.zeros(3) if away else wanted, action)
+            act = self._policy.act(recording.world.tower_state(), recording.target)
+            action = executable(np.zeros(3) if away else act, action)
+            wanted = self._policy.wanted if isinstance(self._policy, Proposer) else act
             before, frame = hand.position, recording.frame
             try:
                 hand.begin(action)
             except UnreachableError:
                 return "out_of_reach"
             recording.advance(substep, steps)
-            recording.action(frame, action, hand.position - before)
+            recording.action(frame, action, hand.position - before, action if away else wanted)
             if recording.clear_frame() >= 0:
                 let_sleep(recording)
         slip = recording.poses[-1][recording.target, :3] - hand.position - held

@@ -1,5 +1,6 @@
 """Writing a running world into a log, frame by frame."""
 
+from collections import deque
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
 
@@ -10,6 +11,9 @@ from jenga_data.episode import CONTROL_STEP_NS, Action, Frame, GripperSample, Ph
 from jenga_data.geometry import clear_of_others, in_table_frame
 from jenga_data.outcome import THRESHOLDS, Verdict, collapsed, judge
 from jenga_data.sim.world import World
+
+FELT = 64
+"""Touch samples that are kept at hand: a quarter of a second."""
 
 
 @runtime_checkable
@@ -41,6 +45,8 @@ class Recording:
         self._clear: list[bool] = []
         self.phase_name = ""
         """The phase that runs."""
+        self.felt: deque[GripperSample] = deque(maxlen=FELT)
+        """What the fingers felt of late."""
         self.poses: list[Float[np.ndarray, "block 7"]] = []
         self._snap()
 
@@ -87,11 +93,21 @@ class Recording:
             substep(i)
         self._snap()
 
-    def action(self, frame: int, displacement: Float[np.ndarray, "3"], reached: Float[np.ndarray, "3"]) -> None:
-        """Record what was commanded from `frame` on, once it is known what came of it."""
-        self._recorder.action(Action(frame, frame * CONTROL_STEP_NS, displacement, reached))
+    def action(
+        self,
+        frame: int,
+        displacement: Float[np.ndarray, "3"],
+        reached: Float[np.ndarray, "3"],
+        wanted: Float[np.ndarray, "3"] | None = None,
+    ) -> None:
+        """Record what was commanded from `frame` on, once it is known what came of it; `wanted` is what the policy
+        asked for before it was put on the limits, if that differs."""
+        same = wanted is None or np.array_equal(wanted, displacement)
+        asked = None if same else np.array(wanted, float)
+        self._recorder.action(Action(frame, frame * CONTROL_STEP_NS, displacement, reached, asked))
 
     def gripper(self, sample: GripperSample) -> None:
+        self.felt.append(sample)
         self._recorder.gripper(sample)
 
     def verdict(self) -> Verdict:

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from jenga_data.collect.config import ExtractionConfig, config_from_dict
-from jenga_data.collect.extraction import gripper_scene
+from jenga_data.collect.gripper_extraction import gripper_scene
 from jenga_data.collect.stage import Stage
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError

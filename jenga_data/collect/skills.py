@@ -115,7 +115,7 @@ class Skills(Motion):
         self.follow(self.straight(ready, speed=config.approach_speed))
         self.touch(*range(len(before)))
         forward = self.straight(ready + (_SAFE + config.push_distance) * _X, speed=config.push_speed)
-        self.follow(forward, force=config.push_force)
+        self.push_forward(forward)
         self.follow(self.straight(ready, speed=config.approach_speed))
         self.leave_alone()
         self.follow(self.straight(ready - _BEHIND * _X, speed=config.speed))
@@ -126,6 +126,10 @@ class Skills(Motion):
             self.note("push_dragged_layer")
         if after[target, 0] - before[target, 0] < config.push_distance - config.push_tolerance:
             self.note("push_stuck")
+
+    def push_forward(self, path: Path) -> None:
+        """Go along the push's way, until it takes too much force."""
+        self.follow(path, force=self._config.push_force)
 
     def way_home_with_stick(self) -> Path:
         """From anywhere to over the stick's holder, and down into it."""

@@ -110,7 +110,7 @@ def run_episodes(
     if not timeout > 0:
         raise JengaError(f"the time for one episode is {timeout:g} s; allowed: more than 0, such as 600")
     began = monotonic()
-    with _claimed(out, config, seed, actor):
+    with claimed(out, config, seed, actor):
         paths = {n: out / f"{episode_key(config, seed, n, actor)}.mcap" for n in numbers}
         missing = [n for n, path in paths.items() if not path.exists()]
         tally, given_up, patience = _Tally(), list[SetAside](), Patience(out)
@@ -184,7 +184,7 @@ def _ending(path: Path) -> tuple[str, str]:
 
 
 @contextmanager
-def _claimed(out: Path, config: CollectConfig, seed: int, actor: Actor) -> Iterator[None]:
+def claimed(out: Path, config: CollectConfig, seed: int, actor: Actor) -> Iterator[None]:
     """Hold the folder for this process, and check that what it holds comes from the same recipe."""
     wanted = {"config": recipe(config, actor), "seed": seed, "checkpoint": actor.checkpoint}
     try:

@@ -7,7 +7,7 @@ from jenga_data.dataset import describe
 from jenga_data.dataset.assemble import Draft, assemble
 from jenga_data.dataset.episode_table import table_of
 from jenga_data.dataset.manifest import Manifest, check_identity
-from jenga_data.dataset.origin import provenance
+from jenga_data.dataset.provenance import provenance
 from jenga_data.dataset.shards import plan
 from jenga_data.dataset.sources import read_sources
 from jenga_data.dataset.split import split_towers

@@ -11,8 +11,8 @@ from jaxtyping import Bool
 
 from jenga_data.dataset.assemble import assemble
 from jenga_data.dataset.episode_table import Table, chosen
-from jenga_data.dataset.origin import remaining_provenance
 from jenga_data.dataset.parents import Edited, check_new, inherited, moved_towers, open_parent
+from jenga_data.dataset.provenance import remaining_provenance
 from jenga_data.dataset.schema import EPISODE_COLUMNS, EPISODES, Column
 from jenga_data.dataset.split import split_towers
 from jenga_data.dataset.staging import new_folder, refuse_existing

@@ -8,8 +8,8 @@ import numpy as np
 from jenga_data.dataset.assemble import assemble
 from jenga_data.dataset.episode_table import Table, chosen, joined
 from jenga_data.dataset.manifest import DATA, File
-from jenga_data.dataset.origin import joined_invalid, joined_provenance
 from jenga_data.dataset.parents import Edited, Opened, check_new, inherited, moved_towers, open_parent
+from jenga_data.dataset.provenance import joined_invalid, joined_provenance
 from jenga_data.dataset.split import split_towers
 from jenga_data.dataset.staging import new_folder, refuse_existing
 from jenga_data.dataset.take import take_over, write_again

@@ -9,7 +9,6 @@ from jenga_data.dataset.assemble import assemble
 from jenga_data.dataset.convert import check_workers
 from jenga_data.dataset.episode_table import joined, table_of
 from jenga_data.dataset.manifest import DATA
-from jenga_data.dataset.origin import invalid_numbers, joined_provenance, provenance
 from jenga_data.dataset.parents import (
     Edited,
     Opened,
@@ -19,6 +18,7 @@ from jenga_data.dataset.parents import (
     open_parent,
     refuse_other_labels,
 )
+from jenga_data.dataset.provenance import invalid_numbers, joined_provenance, provenance
 from jenga_data.dataset.shards import plan
 from jenga_data.dataset.sources import Source, Sources, read_sources
 from jenga_data.dataset.split import split_towers
@@ -30,7 +30,14 @@ from jenga_data.outcome import Outcome
 
 
 def convert_onto(
-    onto: str | Path, logs: Sequence[Path], out: Path, name: str, version: str, *, workers: int = 1
+    onto: str | Path,
+    logs: Sequence[Path],
+    out: Path,
+    name: str,
+    version: str,
+    *,
+    licence: str | None = None,
+    workers: int = 1,
 ) -> Edited:
     """Make NAME@VERSION of a dataset and all logs below the folders `logs` that it does not hold yet.
 
@@ -39,6 +46,7 @@ def convert_onto(
 
     Args:
         onto: folder or NAME@X.Y.Z of the dataset.
+        licence: of the new version; None: that of the dataset.
         workers: processes that read logs; their number changes nothing but the time.
 
     Raises:
@@ -61,6 +69,7 @@ def convert_onto(
         splits,
         joined_provenance([parent.manifest.provenance, provenance(new)]),
         parent.manifest.counts.invalid + len(new.logs) - len(new.valid),
+        licence=licence,
     )
     train = frozenset(splits.train)
     with new_folder(out) as folder:

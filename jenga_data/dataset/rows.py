@@ -1,5 +1,6 @@
 """From an episode in memory to the rows of a dataset, as numpy columns. Knows neither files nor Arrow."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from jenga_data.dataset.schema import DATASET_KIND, FORCE_STEP, POSE_STEP, TWIST_STEP
 from jenga_data.episode import Contacts, Episode, Result
 from jenga_data.errors import JengaError
-from jenga_data.graph import support_edges
+from jenga_data.graph import support_lists
 from jenga_data.outcome import THRESHOLDS, collapsed
 
 
@@ -32,24 +33,43 @@ Rows = dict[str, np.ndarray | Ragged]
 """Columns by name, each with the row as its first axis."""
 
 
-def rows_of(episode: Episode) -> Rows:
+def rows_of(episode: Episode, number: Int[np.ndarray, " frame"] | None = None) -> Rows:
     """All rows that an episode gives: one for a selection, one an action for an extraction.
+
+    Args:
+        number: what the episode's frames are called, where it is an excerpt of one.
 
     Raises:
         JengaError: the log's kind makes no dataset, it has no outcome, or its parts contradict each other.
     """
-    kind = episode.header.kind
-    if kind not in DATASET_KIND:
-        raise JengaError(f"episode {episode.header.key} is of kind {kind!r}; allowed: {', '.join(DATASET_KIND)}")
-    result = _checked(episode)
-    if DATASET_KIND[kind] == "selection":
-        frames = np.zeros(1, np.int64)
-        return _keys(episode, frames) | _state(episode, frames) | _labels(result)
-    frames = episode.action_frame.astype(np.int64)
-    return _keys(episode, frames) | _state(episode, frames) | _transition(episode, result, frames)
+    return rows_of_all([(episode, np.arange(len(episode.pose)) if number is None else number)])
+
+
+def rows_of_all(episodes: Sequence[tuple[Episode, Int[np.ndarray, " frame"]]]) -> Rows:
+    """The rows of episodes of one kind and size, one episode after the other: many at once take less time.
+
+    Raises:
+        JengaError: as `rows_of`.
+    """
+    results = [_checked(episode) for episode, _ in episodes]
+    selection = all(DATASET_KIND[episode.header.kind] == "selection" for episode, _ in episodes)
+    taken = [
+        (episode, number, np.zeros(1, np.int64) if selection else episode.action_frame.astype(np.int64))
+        for episode, number in episodes
+    ]
+    parts = [
+        _keys(episode, number[frames])
+        | (_labels(result) if selection else _transition(episode, result, frames, number))
+        for (episode, number, frames), result in zip(taken, results, strict=True)
+    ]
+    joined: Rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    return joined | _state([(episode, frames) for episode, _, frames in taken])
 
 
 def _checked(episode: Episode) -> Result:
+    kind = episode.header.kind
+    if kind not in DATASET_KIND:
+        raise JengaError(f"episode {episode.header.key} is of kind {kind!r}; allowed: {', '.join(DATASET_KIND)}")
     header, count, frames = episode.header, len(episode.header.blocks), len(episode.pose)
     wrong = ""
     if episode.result is None:
@@ -71,7 +91,7 @@ def _checked(episode: Episode) -> Result:
     return episode.result
 
 
-def _keys(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
+def _keys(episode: Episode, frames: Int[np.ndarray, " row"]) -> dict[str, np.ndarray]:
     header = episode.header
     same = {
         "episode": header.key,
@@ -81,33 +101,29 @@ def _keys(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
         "turn": header.turn,
         "face": header.face,
     }
-    keys: Rows = {name: np.full(len(frames), value) for name, value in same.items()}
+    keys = {name: np.full(len(frames), value) for name, value in same.items()}
     return keys | {"frame": frames}
 
 
-def _state(episode: Episode, frames: Int[np.ndarray, " row"]) -> Rows:
-    header, rows = episode.header, len(frames)
-    pose = in_steps(episode.pose[frames], POSE_STEP)
-    edges = [support_edges(p, header.blocks.size) for p in pose]
-    force = [edge_forces(episode.contacts[f], e, len(header.blocks)) for f, e in zip(frames, edges, strict=True)]
-    offset = np.concatenate([[0], np.cumsum([e.shape[1] for e in edges])]).astype(np.int64)
-    both = np.concatenate([np.zeros((2, 0), np.int64), *edges], axis=1)
-
-    def repeat(values: np.ndarray) -> np.ndarray:
-        return np.broadcast_to(values, (rows, *values.shape))
-
-    return {
-        "block_size": repeat(header.blocks.size),
-        "block_mass": repeat(header.blocks.mass),
-        "block_wedge": repeat(header.blocks.wedge),
-        "block_pose": pose,
-        "block_twist": in_steps(episode.twist[frames], TWIST_STEP),
-        "level": repeat(header.layout.level),
-        "slot": repeat(header.layout.slot),
-        "edge_upper": Ragged(offset, both[0]),
-        "edge_lower": Ragged(offset, both[1]),
-        "edge_force": Ragged(offset, in_steps(np.concatenate([np.zeros(0), *force]), FORCE_STEP)),
+def _state(taken: Sequence[tuple[Episode, Int[np.ndarray, " row"]]]) -> Rows:
+    blocks = len(taken[0][0].header.blocks)
+    count = [len(frames) for _, frames in taken]
+    same = {
+        "block_size": [episode.header.blocks.size for episode, _ in taken],
+        "block_mass": [episode.header.blocks.mass for episode, _ in taken],
+        "block_wedge": [episode.header.blocks.wedge for episode, _ in taken],
+        "level": [episode.header.layout.level for episode, _ in taken],
+        "slot": [episode.header.layout.slot for episode, _ in taken],
     }
+    rows: Rows = {name: np.repeat(np.stack(values), count, axis=0) for name, values in same.items()}
+    pose = in_steps(np.concatenate([episode.pose[frames] for episode, frames in taken]), POSE_STEP)
+    twist = in_steps(np.concatenate([episode.twist[frames] for episode, frames in taken]), TWIST_STEP)
+    offset, upper, lower = support_lists(pose, np.asarray(rows["block_size"]))
+    contacts = [episode.contacts[f] for episode, frames in taken for f in frames.tolist()]
+    force = in_steps(edge_forces(contacts, offset, upper, lower, blocks), FORCE_STEP)
+    edges = {"edge_upper": upper, "edge_lower": lower, "edge_force": force}
+    rows |= {"block_pose": pose, "block_twist": twist}
+    return rows | {name: Ragged(offset, values) for name, values in edges.items()}
 
 
 def in_steps(values: Float[np.ndarray, "*any"], step: float) -> Float[np.ndarray, "*any"]:
@@ -115,17 +131,36 @@ def in_steps(values: Float[np.ndarray, "*any"], step: float) -> Float[np.ndarray
     return np.round(values / step) * step
 
 
-def edge_forces(contacts: Contacts, edges: Int[np.ndarray, "2 edge"], blocks: int) -> Float[np.ndarray, " edge"]:
-    """Upward force that the lower block of each edge exerts on the upper one [N], summed over their contacts."""
-    lift = np.zeros((blocks, blocks))  # [on, by]
-    between = (contacts.first >= 0) & (contacts.second >= 0)
-    first, second, up = contacts.first[between], contacts.second[between], contacts.force[between, 2]
-    np.add.at(lift, (first, second), up)
-    np.add.at(lift, (second, first), -up)
-    return lift[edges[0], edges[1]]
+def edge_forces(
+    contacts: Sequence[Contacts],
+    offset: Int[np.ndarray, " row_and_one"],
+    upper: Int[np.ndarray, " edge"],
+    lower: Int[np.ndarray, " edge"],
+    blocks: int,
+) -> Float[np.ndarray, " edge"]:
+    """Upward force that the lower block of each edge exerts on the upper one [N], summed over their contacts.
+
+    Args:
+        contacts: those of each row.
+        offset: row i has the edges `offset[i]` to `offset[i + 1]`, sorted by upper, then lower block.
+    """
+    row = np.repeat(np.arange(len(contacts)), [len(c.first) for c in contacts])
+    first, second, up = (
+        np.concatenate([np.zeros(0, kind), *(part(c) for c in contacts)])
+        for kind, part in ((int, lambda c: c.first), (int, lambda c: c.second), (float, lambda c: c.force[:, 2]))
+    )
+    between = (first >= 0) & (second >= 0) & (first < blocks) & (second < blocks)
+    row, first, second, up = row[between], first[between], second[between], up[between]
+    edge = (np.repeat(np.arange(len(contacts)), np.diff(offset)) * blocks + upper) * blocks + lower
+    lifts = np.concatenate([(row * blocks + first) * blocks + second, (row * blocks + second) * blocks + first])
+    at = np.minimum(np.searchsorted(edge, lifts), max(len(edge) - 1, 0))
+    known = edge[at] == lifts if len(edge) else np.zeros(len(lifts), bool)
+    lift = np.zeros(len(edge))
+    np.add.at(lift, at[known], np.concatenate([up, -up])[known])
+    return lift
 
 
-def _labels(result: Result) -> Rows:
+def _labels(result: Result) -> dict[str, np.ndarray]:
     verdict = result.verdict
     labels = {
         "failure": verdict.failure,
@@ -137,7 +172,9 @@ def _labels(result: Result) -> Rows:
     return {name: np.full(1, value) for name, value in labels.items()}
 
 
-def _transition(episode: Episode, result: Result, frames: Int[np.ndarray, " row"]) -> Rows:
+def _transition(
+    episode: Episode, result: Result, frames: Int[np.ndarray, " row"], number: Int[np.ndarray, " frame"]
+) -> dict[str, np.ndarray]:
     clear, gripper = result.verdict.clear_frame, episode.gripper
     start, end = episode.time_ns[frames], episode.time_ns[frames + 1]
     return {
@@ -147,7 +184,7 @@ def _transition(episode: Episode, result: Result, frames: Int[np.ndarray, " row"
         "next_twist": in_steps(episode.twist[frames + 1], TWIST_STEP),
         "left_force": step_means(gripper.time_ns, gripper.left_force, start, end),
         "right_force": step_means(gripper.time_ns, gripper.right_force, start, end),
-        "target_clear": (frames >= clear) & (clear >= 0),
+        "target_clear": (number[frames] >= clear) & (clear >= 0),
         "collapsed": collapsed(episode.pose[0], episode.pose[frames + 1], episode.header.target, THRESHOLDS.drop),
     }
 
@@ -163,5 +200,10 @@ def step_means(
     A sample at the very start shows what the step before did, so it is left out.
     """
     first, last = np.searchsorted(time_ns, start_ns, "right"), np.searchsorted(time_ns, end_ns, "right")
-    total = np.concatenate([np.zeros((1, values.shape[1])), np.cumsum(values, axis=0)])
-    return (total[last] - total[first]) / np.maximum(last - first, 1)[:, None]
+    count = np.maximum(last - first, 0)
+    step = np.repeat(np.arange(len(first)), count)
+    sample = np.arange(len(step)) + np.repeat(first - (np.cumsum(count) - count), count)
+    # Summed step by step: differences of one running sum would leave its rounding where no finger is touched.
+    total = np.zeros((len(first), values.shape[1]))
+    np.add.at(total, step, values[sample])
+    return total / np.maximum(count, 1)[:, None]

@@ -7,6 +7,7 @@ Raises:
     ValueError: on any `read_`, with what was found and what is allowed; the caller knows the file's name.
 """
 
+from collections.abc import Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -20,6 +21,7 @@ from jenga_data.episode import (
     EpisodeHeader,
     Frame,
     GripperSample,
+    GripperTrack,
     Link,
     Phase,
     Result,
@@ -236,12 +238,18 @@ def read_sim_state(data: bytes) -> tuple[int, Float[np.ndarray, " state"]]:
 
 
 def write_action(action: Action) -> pb.Action:
-    return pb.Action(frame=action.frame, displacement=action.displacement.tolist(), reached=action.reached.tolist())
+    return pb.Action(
+        frame=action.frame,
+        displacement=action.displacement.tolist(),
+        reached=action.reached.tolist(),
+        wanted=None if action.wanted is None else action.wanted.tolist(),
+    )
 
 
 def read_action(data: bytes, time_ns: int) -> Action:
     action = parse(pb.Action, data)
-    return Action(action.frame, time_ns, doubles(action.displacement, 3), doubles(action.reached, 3))
+    wanted = doubles(action.wanted, 3) if action.wanted else None
+    return Action(action.frame, time_ns, doubles(action.displacement, 3), doubles(action.reached, 3), wanted)
 
 
 def write_gripper(sample: GripperSample) -> pb.Gripper:
@@ -257,6 +265,22 @@ def read_gripper(data: bytes, time_ns: int) -> GripperSample:
     gripper = parse(pb.Gripper, data)
     left, right = doubles(gripper.left_force, 3), doubles(gripper.right_force, 3)
     return GripperSample(time_ns, doubles(gripper.pose, 7), gripper.width, left, right)
+
+
+def read_gripper_track(messages: Sequence[tuple[int, bytes]]) -> GripperTrack:
+    """All samples in the order of their times [ns], from the (time, data) of each message."""
+    ordered = sorted(messages, key=lambda message: message[0])
+    samples = [parse(pb.Gripper, data) for _, data in ordered]
+    for sample in samples:
+        if len(sample.pose) != 7 or len(sample.left_force) != 3 or len(sample.right_force) != 3:
+            read_gripper(sample.SerializeToString(), 0)  # says what is wrong with it
+    return GripperTrack(
+        time_ns=np.array([time for time, _ in ordered], np.int64),
+        pose=np.array([list(s.pose) for s in samples]).reshape(-1, 7),
+        width=np.array([s.width for s in samples], np.float64),
+        left_force=np.array([list(s.left_force) for s in samples]).reshape(-1, 3),
+        right_force=np.array([list(s.right_force) for s in samples]).reshape(-1, 3),
+    )
 
 
 def write_phase(phase: Phase) -> pb.Phase:

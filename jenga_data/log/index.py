@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 from typing import BinaryIO
 
 from mcap.opcode import Opcode
@@ -21,24 +22,39 @@ from mcap.records import (
 from mcap.summary import Summary
 from mcap.writer import MCAP0_MAGIC
 
-from jenga_data.log.records import HEAD, UNREADABLE, Damage, parse_record, read_record, reason_of, size_of, unpack, walk
+from jenga_data.log.parse import HEAD, UNREADABLE, parse_record, unpack
+from jenga_data.log.records import Damage, read_record, reason_of, size_of, walk
 
 _FOOTER_BYTES = HEAD.size + 20
 _DATA_END_BYTES = HEAD.size + 4
 _READ_BYTES = 2**20
 
 
+@dataclass(frozen=True)
+class Window:
+    """Messages that are wanted of a part of a file.
+
+    Of the topics `first` those in the first chunk that holds any; of `topics` those in all chunks that have messages
+    of about the times of `around`: not before its first chunk, and at most `margin_ns` after its last.
+    """
+
+    first: Collection[str] = ()
+    around: str = ""
+    topics: Collection[str] = ()
+    margin_ns: int = 0
+
+
 def select(
-    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], first: Collection[str] = ()
+    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], window: Window = Window()
 ) -> Iterator[McapRecord | Damage]:
-    """Like `records.walk`, but of attachments and messages only those of the given names and topics, and of the
-    topics `first` only those in the first chunk that holds any.
+    """Like `records.walk`, but of attachments and messages only those of the given names and topics, and those of
+    the window: of its topics there may be more than asked for.
 
     Reads only the summary, what it points to, and the chunks that hold these topics. A file without a complete
     index is walked from front to back.
     """
     try:
-        found = _indexed(stream, topics, attachments, first)
+        found = _indexed(stream, topics, attachments, window)
     except UNREADABLE as error:
         yield Damage(size_of(stream), f"the index cannot be read: {reason_of(error)}")
         return
@@ -51,9 +67,10 @@ def is_intact(stream: BinaryIO) -> bool:
     False also where the writer left them out: then `records.walk` compares those of the single chunks.
     """
     try:
-        footer = _read_footer(stream, size_of(stream))
-        if footer is None or not footer.summary_crc:
+        found = _read_footer(stream, size_of(stream))
+        if found is None or not found[0].summary_crc:
             return False
+        footer, _ = found
         stream.seek(footer.summary_start - _DATA_END_BYTES)
         end = stream.read(_DATA_END_BYTES)
         if HEAD.unpack_from(end) != (Opcode.DATA_END, 4):
@@ -77,7 +94,7 @@ def _checksum(stream: BinaryIO, end: int) -> int:
 
 
 def _indexed(
-    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], first: Collection[str]
+    stream: BinaryIO, topics: Collection[str], attachments: Collection[str], window: Window
 ) -> list[McapRecord] | None:
     size = size_of(stream)
     summary = _read_summary(stream, size)
@@ -88,7 +105,7 @@ def _indexed(
     offsets += [index.offset for index in summary.attachment_indexes if index.name in attachments]
     out: list[McapRecord] = [*summary.schemas.values(), *summary.channels.values(), summary.statistics]
     out += [record for offset in offsets if (record := parse_record(read_record(stream, offset, size)))]
-    for index, channels in _chunks(summary, topics, first):
+    for index, channels in _chunks(summary, topics, window):
         chunk = parse_record(read_record(stream, index.chunk_start_offset, size))
         if not isinstance(chunk, Chunk):
             raise ValueError(f"no chunk at byte {index.chunk_start_offset}")
@@ -96,13 +113,23 @@ def _indexed(
     return out
 
 
-def _chunks(summary: Summary, topics: Collection[str], first: Collection[str]) -> Iterator[tuple[ChunkIndex, set[int]]]:
+def _chunks(summary: Summary, topics: Collection[str], window: Window) -> Iterator[tuple[ChunkIndex, set[int]]]:
     """Which chunks to read, in the order of the file, and of which channels."""
-    wanted = {channel.id for channel in summary.channels.values() if channel.topic in topics}
-    once = {topic: {c.id for c in summary.channels.values() if c.topic == topic} for topic in first}
-    for index in sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset):
+
+    def channels_of(*names: str) -> set[int]:
+        return {channel.id for channel in summary.channels.values() if channel.topic in names}
+
+    wanted, inside, around = channels_of(*topics), channels_of(*window.topics), channels_of(window.around)
+    once = {topic: channels_of(topic) for topic in window.first}
+    chunks = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)
+    times = [(i.message_start_time, i.message_end_time) for i in chunks if around & i.message_index_offsets.keys()]
+    start = min((first for first, _ in times), default=0)
+    end = max((last for _, last in times), default=-1) + window.margin_ns
+    for index in chunks:
         held = index.message_index_offsets.keys()
         channels = wanted & held
+        if times and index.message_start_time <= end and index.message_end_time >= start:
+            channels |= inside & held
         for topic in [topic for topic, ids in once.items() if ids & held]:
             channels |= once.pop(topic) & held
         if channels:
@@ -111,15 +138,11 @@ def _chunks(summary: Summary, topics: Collection[str], first: Collection[str]) -
 
 def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
     """The summary section, None where the file has none or where it does not list everything."""
-    footer = _read_footer(stream, size)
-    if footer is None:
+    found = _read_footer(stream, size)
+    if found is None:
         return None
-    start = size - _FOOTER_BYTES - len(MCAP0_MAGIC)
-    summary = Summary()
-    position = footer.summary_start
-    while position < start:
-        record_bytes = read_record(stream, position, start)
-        position += len(record_bytes)
+    summary, (_, data) = Summary(), found
+    for record_bytes in _records_in(data):
         match parse_record(record_bytes):
             case Statistics() as record:
                 summary.statistics = record
@@ -136,8 +159,27 @@ def _read_summary(stream: BinaryIO, size: int) -> Summary | None:
     return summary if _lists_everything(summary) else None
 
 
-def _read_footer(stream: BinaryIO, size: int) -> Footer | None:
-    """The footer, the summary's checksum compared; None where there is no summary.
+def _records_in(data: bytes) -> Iterator[bytes]:
+    """The records of a summary that are of use here, head included.
+
+    Raises:
+        ValueError: one of them does not fit into it.
+    """
+    position = 0
+    while position < len(data):
+        if position + HEAD.size > len(data):
+            raise ValueError("cut off within a record's head")
+        opcode, length = HEAD.unpack_from(data, position)
+        end = position + HEAD.size + length
+        if opcode == 0 or end > len(data):
+            raise ValueError(f"no record starts here (opcode {opcode}, length {length})")
+        if opcode != Opcode.SUMMARY_OFFSET:
+            yield data[position:end]
+        position = end
+
+
+def _read_footer(stream: BinaryIO, size: int) -> tuple[Footer, bytes] | None:
+    """The footer and the summary, its checksum compared; None where there is no summary.
 
     Raises:
         ValueError: the checksum is wrong.
@@ -156,7 +198,7 @@ def _read_footer(stream: BinaryIO, size: int) -> Footer | None:
     data = stream.read(start - footer.summary_start)
     if footer.summary_crc not in (0, zlib.crc32(data + raw[:-4])):
         raise ValueError("the checksum of the summary is wrong")
-    return footer
+    return footer, data
 
 
 def _lists_everything(summary: Summary) -> bool:

@@ -7,7 +7,7 @@ from google.protobuf.message import Message
 
 PROFILE: Final = "jenga"
 PREDICTION_PROFILE: Final = "jenga-prediction"
-VERSION: Final = (1, 1)
+VERSION: Final = (1, 2)
 """Another major version cannot be read; a higher minor one only adds what may be ignored."""
 
 TOWER: Final = "/tower"

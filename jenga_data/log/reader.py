@@ -1,17 +1,16 @@
 """Reading episodes, whoever wrote them. Nothing in a file is run, and nothing it claims is believed unchecked."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from jenga_data.episode import (
+    Action,
     Contacts,
     Episode,
     EpisodeHeader,
-    GripperSample,
-    GripperTrack,
     Result,
     RobotModel,
     RobotTrack,
@@ -20,7 +19,7 @@ from jenga_data.errors import JengaError
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw, gather, refuse_damage
 from jenga_data.log.header import check_kind, read_header_of
-from jenga_data.log.index import is_intact, select
+from jenga_data.log.index import select
 from jenga_data.log.records import one_line, open_log, walk
 
 T = TypeVar("T")
@@ -38,50 +37,7 @@ def read_episode(path: Path) -> Episode:
             raw = gather(walk(stream))
         check_kind(path, raw)
         refuse_damage(path, raw)
-        return _stack(raw)
-
-
-_ONCE = (profile.TOWER, profile.OUTCOME)
-_PER_FRAME = (profile.STATE, profile.CONTACTS)
-_ACTED = (profile.ACTION, profile.GRIPPER)
-"""What the rows of a dataset are made from. The simulator's state, the robot's and what viewers draw are not."""
-
-
-def read_for_rows(path: Path, first_frame: bool) -> tuple[Episode, int]:
-    """As much of a log as the rows of a dataset need, and how many frames it has.
-
-    Every byte of the file is compared with the file's checksums. Messages that no row needs are not decoded: that
-    is what `doctor` does.
-
-    Args:
-        first_frame: read frame 0 alone, without actions: all that a row of a selection holds.
-
-    Raises:
-        JengaError: as `read_episode`.
-        CheckFailed: as `read_episode`.
-    """
-    with one_line(path):
-        with open_log(path) as stream:
-            if not is_intact(stream):
-                episode = read_episode(path)
-                return episode, len(episode.pose)
-            topics, first = (_ONCE, _PER_FRAME) if first_frame else ((*_ONCE, *_PER_FRAME, *_ACTED), ())
-            raw = gather(select(stream, topics, (profile.CONFIG,), first))
-        check_kind(path, raw)
-        refuse_damage(path, raw)
-        raw.messages = {topic: raw.messages[topic] for topic in (*topics, *first) if topic in raw.messages}
-        if first_frame:
-            for topic in _PER_FRAME:
-                _keep_frame_0(raw, topic)
-        episode = _stack(raw)
-        return episode, raw.counted(profile.STATE) if first_frame else len(episode.pose)
-
-
-def _keep_frame_0(raw: Raw, topic: str) -> None:
-    found = [(time, data) for time, data in raw.messages.get(topic, []) if codec.frame_of(topic, data) == 0]
-    if len(found) != 1 and (raw.messages.get(topic) or topic == profile.STATE):
-        raise ValueError(f"{topic} has {len(found)} messages of frame 0 where its first ones are; needed: 1")
-    raw.messages[topic] = found
+        return stack(raw)
 
 
 def read_header(path: Path) -> tuple[EpisodeHeader, Result | None]:
@@ -114,20 +70,34 @@ def attachment(path: Path, name: str) -> bytes:
         raise JengaError(f"{path} has no attachment {name!r}; it has: {', '.join(raw.attachments) or 'none'}")
 
 
-def _stack(raw: Raw) -> Episode:
+def stack(raw: Raw, number: Sequence[int] | None = None) -> Episode:
+    """The episode of which everything was gathered.
+
+    Args:
+        number: the frames that were, in order, where it is an excerpt: the result's frames and actions count through
+            them.
+
+    Raises:
+        ValueError: a frame is missing, or a message does not fit the profile.
+    """
     header = read_header_of(raw)
-    frames = by_frame(raw, profile.STATE, lambda data: codec.read_state(data, len(header.blocks)))
+    place = None if number is None else {frame: i for i, frame in enumerate(number)}
+
+    def placed(found: tuple[int, T]) -> tuple[int, T]:
+        return found if place is None else (place[found[0]], found[1])
+
+    frames = by_frame(raw, profile.STATE, lambda data: placed(codec.read_state(data, len(header.blocks))))
     if not frames:
         raise ValueError(f"no messages on {profile.STATE}; needed: one a control step")
     count = len(frames)
-    contacts = by_frame(raw, profile.CONTACTS, codec.read_contacts, count)
+    contacts = by_frame(raw, profile.CONTACTS, lambda data: placed(codec.read_contacts(data)), count)
     states = by_frame(raw, profile.SIM, codec.read_sim_state, count)
     if len({len(state) for _, state in states}) > 1:
         raise ValueError(f"{profile.SIM} has states of different lengths; needed: one length")
     actions = [codec.read_action(data, time) for time, data in raw.messages.get(profile.ACTION, [])]
-    actions.sort(key=lambda action: action.frame)
+    actions = sorted((placed((action.frame, action)) for action in actions), key=lambda pair: pair[0])
     phases = [codec.read_phase(data, time) for time, data in raw.messages.get(profile.PHASE, [])]
-    for topic, frame in [(profile.ACTION, a.frame) for a in actions] + [(profile.PHASE, p.frame) for p in phases]:
+    for topic, frame in [(profile.ACTION, f) for f, _ in actions] + [(profile.PHASE, p.frame) for p in phases]:
         if frame >= count:
             raise ValueError(f"{topic} has frame {frame}, the last frame of {profile.STATE} is {count - 1}")
     return Episode(
@@ -137,15 +107,22 @@ def _stack(raw: Raw) -> Episode:
         twist=np.stack([twist for _, (_, twist, _) in frames]),
         contacts=[found for _, found in contacts] or [_no_contacts() for _ in frames],
         sim_state=np.stack([state for _, state in states]) if states else np.zeros((count, 0)),
-        action_frame=np.array([action.frame for action in actions], np.int64),
-        action=np.array([action.displacement for action in actions]).reshape(-1, 3),
-        action_reached=np.array([action.reached for action in actions]).reshape(-1, 3),
-        gripper=_track([codec.read_gripper(data, time) for time, data in raw.messages.get(profile.GRIPPER, [])]),
+        action_frame=np.array([frame for frame, _ in actions], np.int64),
+        action=np.array([action.displacement for _, action in actions]).reshape(-1, 3),
+        action_reached=np.array([action.reached for _, action in actions]).reshape(-1, 3),
+        action_wanted=_wanted([action for _, action in actions]),
+        gripper=codec.read_gripper_track(raw.messages.get(profile.GRIPPER, [])),
         phases=sorted(phases, key=lambda phase: phase.time_ns),
         result=result_of(raw),
         turntable=np.array([angle for _, (_, _, angle) in frames]),
         robot=_robot_track(raw, header.robot, count),
     )
+
+
+def _wanted(actions: list[Action]) -> np.ndarray | None:
+    if all(action.wanted is None for action in actions):
+        return None
+    return np.array([action.displacement if action.wanted is None else action.wanted for action in actions])
 
 
 def _robot_track(raw: Raw, robot: RobotModel | None, count: int) -> RobotTrack | None:
@@ -211,14 +188,3 @@ def _no_topic(topic: str) -> None:
 
 def _no_contacts() -> Contacts:
     return Contacts(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))
-
-
-def _track(samples: list[GripperSample]) -> GripperTrack:
-    samples.sort(key=lambda sample: sample.time_ns)
-    return GripperTrack(
-        time_ns=np.array([s.time_ns for s in samples], np.int64),
-        pose=np.array([s.pose for s in samples]).reshape(-1, 7),
-        width=np.array([s.width for s in samples], np.float64),
-        left_force=np.array([s.left_force for s in samples]).reshape(-1, 3),
-        right_force=np.array([s.right_force for s in samples]).reshape(-1, 3),
-    )

@@ -2,6 +2,7 @@
 
 from copy import copy
 from dataclasses import dataclass
+from typing import Any
 
 import mink
 import mujoco
@@ -83,6 +84,10 @@ class Kinematics:
         self._limits = [mink.ConfigurationLimit(model)]
         self._data = mujoco.MjData(model)
         self.home = self._solved(np.array(arm.home), np.array(arm.posture), iterations=400)
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Kinematics":
+        """Itself: between two calls it holds nothing that the next one does not set."""
+        return self
 
     def path(
         self, start: Float[np.ndarray, "7"], point: Float[np.ndarray, "knot 3"], velocity: Float[np.ndarray, "knot 3"]

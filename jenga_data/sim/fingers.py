@@ -1,5 +1,7 @@
 """The two flat fingers of a parallel-jaw gripper: how they look, how they grip and what they feel."""
 
+from copy import copy
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -8,6 +10,7 @@ from jenga_data import palette
 from jenga_data.episode import GripperSample
 from jenga_data.sim.physics import GripperConfig, PhysicsConfig
 from jenga_data.sim.scene import wood_contact
+from jenga_data.sim.set_point import SetPoint
 from jenga_data.sim.world import World
 
 _PAD_IMPEDANCE = 0.999
@@ -82,6 +85,41 @@ class Fingers:
     def position(self) -> Float[np.ndarray, "3"]:
         """Of the point between the fingertips [m]."""
         return self._world.kinematics().site_xpos[self._site].copy()
+
+    @property
+    def set_point(self) -> Float[np.ndarray, "3"]:
+        """Where the running period ends [m]."""
+        raise NotImplementedError
+
+    def begin(self, displacement: Float[np.ndarray, "3"]) -> None:
+        """Start a control period at whose end the set point is to be `displacement` [m] further on."""
+        raise NotImplementedError
+
+    def drive(self, part: float) -> None:
+        """Command the drives for the physics step that begins at `part` (0 to 1) of the running period."""
+        raise NotImplementedError
+
+    def preview(self, actions: Float[np.ndarray, "period 3"], steps: int) -> Float[np.ndarray, "substep drive"]:
+        """What all drives of the world would be told in `steps` physics steps of each period, if these displacements
+        were made from now on [m]. Nothing has changed afterwards.
+
+        Raises:
+            UnreachableError: the hand cannot make one of them.
+        """
+        ahead, control = copy(self), self._world.data.ctrl
+        for name, value in vars(self).items():
+            if isinstance(value, SetPoint):
+                setattr(ahead, name, copy(value))
+        before, told = control.copy(), []
+        try:
+            for action in actions:
+                ahead.begin(action)
+                for step in range(steps):
+                    ahead.drive(step / steps)
+                    told.append(control.copy())
+        finally:
+            control[:] = before
+        return np.array(told).reshape(-1, len(before))
 
     @property
     def pose(self) -> Float[np.ndarray, "7"]:

@@ -45,6 +45,11 @@ class Gripper(Fingers):
         self._lead = 2 * np.sqrt(config.mass / config.stiffness)  # damping over stiffness [s]
         self._set_point = SetPoint(self.position)
 
+    @property
+    def set_point(self) -> Float[np.ndarray, "3"]:
+        """Where the running period ends [m]."""
+        return self._set_point.knot
+
     def begin(self, displacement: Float[np.ndarray, "3"]) -> None:
         """Start a control period at whose end the set point is to be `displacement` [m] further on."""
         way = np.asarray(displacement, float)

@@ -70,16 +70,16 @@ class Robot:
         self.turntable = Turntable(world)
         model = world.model
         self._bodies = [model.body(name).id for name in _LINKS]
-        self._joints = [model.joint(f"joint_{i + 1}") for i in range(JOINTS)]
-        self._qpos = [joint.qposadr[0] for joint in self._joints]
-        self._qvel = [joint.dofadr[0] for joint in self._joints]
+        self._joints = tuple(f"joint_{i + 1}" for i in range(JOINTS))
+        self._qpos = [model.joint(name).qposadr[0] for name in self._joints]
+        self._qvel = [model.joint(name).dofadr[0] for name in self._joints]
         self._stick = model.body("stick").id
         self._own = self._geoms_of(*_LINKS[1 : JOINTS + 3])
         self._fixed = self._geoms_of("world", "link_0", "holder", "tray", "turntable")
 
     def model(self) -> RobotModel:
         links = tuple(link_of(self.world.model, name) for name in _LINKS)
-        return RobotModel(tuple(joint.name for joint in self._joints), links)
+        return RobotModel(self._joints, links)
 
     def state(self) -> RobotState:
         data, now = self.world.data, self.world.kinematics()

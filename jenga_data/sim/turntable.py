@@ -61,11 +61,11 @@ class Turntable:
 
     def __init__(self, world: World) -> None:
         self._world = world
-        self._joint = world.model.joint("turntable")
         self._drive = world.model.actuator("turntable").id
         _, stiffness, damping = -world.model.actuator("turntable").biasprm[:3]
         self._lead = damping / stiffness  # [s]
-        self._inertia = world.model.dof_M0[self._joint.dofadr[0]] / stiffness  # of rotor and table [s^2]
+        inertia = world.model.dof_M0[world.model.joint("turntable").dofadr[0]]  # of rotor and table
+        self._inertia = inertia / stiffness  # [s^2]
 
     @property
     def angle(self) -> float:

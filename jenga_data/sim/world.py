@@ -1,12 +1,14 @@
 """A running simulation. What leaves this file is the caller's own copy: MuJoCo's arrays are views that change."""
 
 from collections.abc import Callable
+from copy import copy, deepcopy
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import mujoco
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from jenga_data.blocks import Blocks
 from jenga_data.episode import LEFT_FINGER, RIGHT_FINGER, ROBOT, TABLE, Contacts
@@ -61,6 +63,21 @@ class World:
         self._state_size = mujoco.mj_stateSize(self.model, STATE_SPEC)
         self._rest: _Resting | None = None
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> "World":
+        """A world that goes on from this moment by itself, to the same bytes, sleep included.
+
+        A state vector would not do: what sleeps, and how long it has been quiet, is no part of it.
+        """
+        twin = self.__new__(type(self))
+        memo[id(self)] = twin
+        shared = {"spec", "blocks", "layout"}  # nobody changes them; `_elsewhere` is scratch, and made when needed
+        for name, value in self.__dict__.items():
+            if name in ("model", "data"):
+                twin.__dict__[name] = copy(value)
+            elif name != "_elsewhere":
+                twin.__dict__[name] = value if name in shared else deepcopy(value, memo)
+        return twin
+
     def step(self, count: int = 1) -> None:
         mujoco.mj_step(self.model, self.data, nstep=count)
 
@@ -95,6 +112,11 @@ class World:
     @property
     def pose(self) -> Float[np.ndarray, "block 7"]:
         return self.data.qpos[self._qpos].copy()
+
+    @property
+    def block_qpos(self) -> Int[np.ndarray, "block 7"]:
+        """Where the blocks' poses stand in MuJoCo's `qpos`."""
+        return self._qpos.copy()
 
     @property
     def table_angle(self) -> float:

@@ -12,8 +12,8 @@ LINE = "jenga: interrupted; what was finished is kept"
 SLOW_CONVERSION = """
 import time
 import jenga_data.dataset.write as module
-fast = module.rows_of
-module.rows_of = lambda episode: time.sleep(0.5) or fast(episode)
+fast = module.rows_of_all
+module.rows_of_all = lambda *args: time.sleep(0.5) or fast(*args)
 """
 SLOW_TRAINING = """
 import time
@@ -112,13 +112,16 @@ def test_train(selection: Made, tmp_path):
 
 
 def test_eval_extraction(closed_loop: Made, tmp_path):
-    """In the middle of the second way to pull, after the first is through."""
+    """In the middle of a tower at which one way has pulled already."""
     out = tmp_path / "closed-loop"
     shutil.copytree(closed_loop.path / "naive", out / "naive")
     naive, straight = contents(out), out / "straight"
     args = ("eval", "extraction", "--objective", "naive", "straight", "--towers", 1, "--out", out)
-    begun = lambda: bool(list(straight.glob("*.partial")))  # noqa: E731  (a condition in one line)
-    was_interrupted(interrupted_when(begun, *args, before=CHEAP_CLOSED_LOOP))
+    begun = (straight / "collection.json").exists
+    ran = interrupted_when(begun, *args, before=CHEAP_CLOSED_LOOP)
+    assert ran.code == 130
+    assert ran.err.splitlines()[-1] == LINE
+    assert ran.err.count("\n") <= 2  # what it will cost stands above
     assert not list(straight.glob("*.mcap"))
     assert contents(out).items() >= naive.items()
 

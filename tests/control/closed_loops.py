@@ -10,7 +10,8 @@ from made_up_dataset import BLOCKS, dynamics_dataset, nominal_pose, untrained
 
 from jenga_control.evaluate_extraction import evaluate_extraction
 from jenga_data.blocks import sample_blocks
-from jenga_data.collect.config import Actor, ExtractionConfig, SpawnConfig
+from jenga_data.collect.branches import Branch, Tape, Trunk
+from jenga_data.collect.config import NOBODY, ExtractionConfig, SpawnConfig
 from jenga_data.collect.rollout import header_of
 from jenga_data.collect.stage import Stage
 from jenga_data.episode import CONTROL_STEP_NS, Action, Contacts, Frame, Result
@@ -38,27 +39,46 @@ def evaluated(base: Path) -> tuple[Path, dict[str, Any]]:
 
 
 class MadeUpPulls:
-    """In place of `run_extraction`: a tower of three levels a number, the next of the given results a rollout."""
+    """In place of `Trunk`: a tower of three levels a number, grasped at once, and the given results."""
 
     def __init__(self, results: dict[str, list[Result]]) -> None:
         """`results` by the controller's name; a rollout's number chooses among them."""
         self.results, self.ran = results, []
 
-    def __call__(self, config, seed, number, open_log, policy, actor: Actor) -> Result:
+    def __call__(self, config, seed, number, stage=None, careful=False) -> "MadeUpTrunk":
+        return MadeUpTrunk(self, config, seed, number)
+
+
+class MadeUpTrunk(Trunk):
+    """A tower of three levels at the grasp; what a branch comes to is decided when it is logged, by who acts."""
+
+    def __init__(self, pulls: MadeUpPulls, config, seed, number) -> None:
+        self.pulls, self.config, self.seed, self.number = pulls, config, seed, number
+        self.stage = Stage(tower(number), TARGET, 0, 0, 1)
+
+    @property
+    def grasped(self) -> bool:
+        return True
+
+    def branch(self, policy, all_actions=False) -> Branch:
+        state, tape = self.stage.state, Tape()
+        nothing = Contacts(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))
+        for i in range(4):
+            tape.frame(Frame(i, i * CONTROL_STEP_NS, state.pose, state.twist, nothing, np.zeros(0)))
+            if i < 3:
+                action = policy.act(state, TARGET)
+                tape.action(Action(i, i * CONTROL_STEP_NS, action, action))
+        return Branch(tape, result(Outcome.STUCK))
+
+    def log(self, branch, open_log, actor=NOBODY) -> Result:
         name = actor.controller["name"]
-        self.ran.append((name, number))
-        state = tower(number)
-        stage = Stage(state, TARGET, 0, 0, 1)
-        with open_log(header_of(config, seed, number, stage, actor), "<mujoco/>") as log:
-            nothing = Contacts(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3)))
-            for i in range(4):
-                log.frame(Frame(i, i * CONTROL_STEP_NS, state.pose, state.twist, nothing, np.zeros(0)))
-                if i < 3:
-                    action = policy.act(state, TARGET)
-                    log.action(Action(i, i * CONTROL_STEP_NS, action, action))
-            result = self.results[name][number]
-            log.finish(result)
-        return result
+        self.pulls.ran.append((name, self.number))
+        at_speed = f"{name}-{actor.controller.get('speed')}"
+        ended = self.pulls.results.get(at_speed, self.pulls.results.get(name, []))[self.number]
+        with open_log(header_of(self.config, self.seed, self.number, self.stage, actor), "<mujoco/>") as log:
+            branch.tape.play(log)
+            log.finish(ended)
+        return ended
 
 
 def tower(number: int = 0) -> TowerState:

@@ -120,7 +120,7 @@ def untrained(folder, config, dataset):
     folder.mkdir()
     save(
         folder,
-        build(config, spec.node_width, 1 + edges),
+        build(config, spec, 1 + edges),
         config,
         spec,
         Normalisation.none(spec.node_width, edges),

@@ -9,7 +9,7 @@ from made_up_dataset import dynamics_dataset, untrained
 
 from jenga_control.evaluate_extraction import evaluate_extraction
 from jenga_data.collect.config import SEED_LIMIT
-from jenga_data.errors import JengaError
+from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.outcome import Outcome
 from jenga_models.checkpoint import load
 from jenga_models.overlay import overlay
@@ -28,7 +28,7 @@ STRAIGHT = [result(Outcome.EXTRACTED), *[result(Outcome.STUCK, "slipped") for _ 
 @pytest.fixture
 def pulls(monkeypatch):
     made_up = MadeUpPulls({"naive": NAIVE, "straight": STRAIGHT, "full": STRAIGHT})
-    monkeypatch.setattr("jenga_control.extraction.run_extraction", made_up)
+    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", made_up)
     return made_up
 
 
@@ -56,7 +56,7 @@ def test_broken_physics_disturb_no_median(pulls, tmp_path):
 
 def test_broken_physics_alone_have_no_median(monkeypatch, tmp_path):
     pulls = MadeUpPulls({"naive": [result(Outcome.INVALID)]})
-    monkeypatch.setattr("jenga_control.extraction.run_extraction", pulls)
+    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", pulls)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         report = evaluate(tmp_path, "naive", towers=1)
@@ -66,7 +66,7 @@ def test_broken_physics_alone_have_no_median(monkeypatch, tmp_path):
 
 def test_ways_to_pull_are_compared_on_the_same_towers(pulls, tmp_path):
     report = evaluate(tmp_path, "naive", "straight")
-    assert pulls.ran == [(name, number) for name in ("naive", "straight") for number in range(5)]
+    assert pulls.ran == [(name, number) for number in range(5) for name in ("naive", "straight")]
     assert report["objective"] == "naive"
     assert report["baselines"].keys() == {"straight"}
     straight = report["baselines"]["straight"]
@@ -141,11 +141,12 @@ def test_training_seeds_are_refused(tmp_path):
 
 @pytest.mark.parametrize("controllers", [(), ("naive", "naive")])
 def test_every_way_is_evaluated_once(controllers, tmp_path):
-    with pytest.raises(JengaError, match="allowed: one or more of full, naive, straight, each once"):
+    with pytest.raises(JengaError, match="allowed: one or more of full, naive, straight-SPEED and hindsight"):
         evaluate(tmp_path, *controllers)
 
 
-def test_a_missing_model_is_told_before_anything_is_pulled(pulls, tmp_path):
+def test_a_missing_model_is_told_before_anything_is_pulled(pulls, tmp_path, monkeypatch):
+    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: ())
     with pytest.raises(JengaError, match="needs a dynamics model: give one with --model"):
         evaluate(tmp_path / "logs", "naive", "full")
     assert pulls.ran == []
@@ -159,3 +160,32 @@ def test_logs_of_another_model_are_not_mixed_in(pulls, tmp_path):
     evaluate(tmp_path / "logs", "full", model=models[0])
     with pytest.raises(JengaError, match="another configuration or seed"):
         evaluate(tmp_path / "logs", "full", model=models[1])
+
+
+def test_a_missing_pull_is_made_up_for_alone(pulls, tmp_path):
+    first = evaluate(tmp_path, "naive", "straight", towers=3)
+    pulls.ran.clear()
+    sorted((tmp_path / "straight").glob("*.mcap"))[0].unlink()
+    again = evaluate(tmp_path, "naive", "straight", towers=3)
+    assert [name for name, _ in pulls.ran] == ["straight"]
+    assert again["success"] == first["success"]
+    assert again["baselines"]["straight"]["outcomes"] == first["baselines"]["straight"]["outcomes"]
+
+
+def test_a_bug_in_one_way_costs_the_others_nothing(pulls, tmp_path):
+    pulls.results["straight"] = []
+    with pytest.raises(CheckFailed, match="set aside"):
+        evaluate(tmp_path, "naive", "straight", towers=2)
+    assert len(list((tmp_path / "naive").glob("*.mcap"))) == 2
+    assert len(list((tmp_path / "straight" / "set_aside").glob("*.json"))) == 2
+    pulls.results["straight"] = STRAIGHT
+    assert evaluate(tmp_path, "naive", "straight", towers=2)["success"]["n"] == 2
+    assert not (tmp_path / "straight" / "set_aside").exists()
+
+
+def test_the_cost_is_told_before_anything_is_pulled(pulls, tmp_path, capsys):
+    evaluate(tmp_path, "naive", "straight", towers=2)
+    told = capsys.readouterr().err
+    assert told.startswith("2 towers, 4 rollouts to do: about ")
+    evaluate(tmp_path, "naive", "straight", towers=2)
+    assert capsys.readouterr().err == ""

@@ -3,7 +3,8 @@ import json
 import numpy as np
 import pytest
 
-from jenga_data.report import markdown_table, number, to_json, with_interval, write_report
+from jenga_data.errors import JengaError
+from jenga_data.report import make_folder, markdown_table, number, to_json, with_interval, write_report
 from jenga_data.statistics import Proportion, proportion_over_towers
 
 
@@ -71,3 +72,11 @@ def test_a_report_that_cannot_be_written_leaves_the_old_one(tmp_path):
     with pytest.raises(TypeError):
         write_report(tmp_path, "selection", {"n": object()}, "")
     assert json.loads((tmp_path / "selection.json").read_text()) == {"n": 1}
+
+
+def test_a_folder_that_cannot_be_made_is_refused_with_the_way_out(tmp_path):
+    make_folder(tmp_path / "new" / "out")
+    make_folder(tmp_path / "new" / "out")  # there already is as good
+    (tmp_path / "file").touch()
+    with pytest.raises(JengaError, match=r"cannot write to .*file/out: .*; choose another --out"):
+        make_folder(tmp_path / "file" / "out")

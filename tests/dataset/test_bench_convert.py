@@ -7,16 +7,17 @@ import pytest
 
 from jenga_data.dataset.rows import Ragged, rows_of
 from jenga_data.errors import CheckFailed, JengaError
-from jenga_data.log.reader import read_episode, read_for_rows
+from jenga_data.log.excerpt import read_for_rows
+from jenga_data.log.reader import read_episode
 
 
 @pytest.mark.parametrize("kind", ["selection", "extraction"])
 def test_what_is_read_for_rows_gives_the_rows_of_the_whole_episode(kind, request):
     for path in sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[:4]:
         whole = read_episode(path)
-        part, frames = read_for_rows(path, first_frame=kind == "selection")
-        assert frames == len(whole.pose)
-        quick, slow = rows_of(part), rows_of(whole)
+        part = read_for_rows(path, first_frame=kind == "selection")
+        assert part.frames == len(whole.pose)
+        quick, slow = rows_of(part.episode, part.number), rows_of(whole)
         assert quick.keys() == slow.keys()
         for name, values in slow.items():
             other = quick[name]
@@ -46,6 +47,33 @@ def test_both_sides_read_as_many_rows(kind, request):
     invalid = 4 if kind == "extraction" else 0  # theirs takes the episode whose physics broke for good
     assert speed["objects"] == speed["rows"] + invalid
     assert speed["ratio"] == pytest.approx(speed["value"] / speed["reference"])
+
+
+@pytest.mark.parametrize("kind", ["selection", "extraction"])
+def test_both_sides_make_the_same_rows(kind, request):
+    from jenga_models.bench.convert import data_objects
+
+    path = sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[0]
+    rows, objects = rows_of(read_episode(path)), data_objects(path)
+    names = {"pose": "block_pose", "twist": "block_twist", "reached": "action_reached"}
+    own = {"x", "edge_index", "edge_attr"}
+    for row, theirs in enumerate(objects):
+        for name in theirs.keys():  # noqa: SIM118  (a Data object is no dict)
+            if name not in own:
+                ours = np.asarray(rows[names.get(name, name)])[row]
+                if isinstance(ours, str | np.str_):
+                    assert theirs[name] == ours
+                else:
+                    np.testing.assert_allclose(np.asarray(theirs[name]), ours, rtol=1e-5, atol=1e-6, err_msg=name)
+        for name, values in {"edge_upper": theirs.edge_index[0], "edge_force": theirs.edge_attr}.items():
+            ragged = rows[name]
+            assert isinstance(ragged, Ragged)
+            part = slice(*ragged.offset[row : row + 2])
+            np.testing.assert_allclose(np.asarray(values), ragged.values[part], rtol=1e-5, atol=1e-4)
+    assert rows.keys() - {names.get(name, name) for name in objects[0].keys()} == {  # noqa: SIM118
+        *("block_size", "block_mass", "block_wedge", "level", "slot"),  # in x
+        *("edge_upper", "edge_lower", "edge_force"),
+    }
 
 
 def test_rounds_are_at_least_one(selection_logs: Path):

@@ -102,6 +102,13 @@ def test_croissant_of_a_file_with_one_other_byte_is_refused(selection, tmp_path)
     assert "hash" in str(caught.value.__cause__).lower()
 
 
+def test_croissant_names_the_licence_by_its_address(selection, tmp_path):
+    export(selection, tmp_path / "out", "croissant")
+    assert load_manifest(selection).licence == "CC-BY-4.0"
+    about = msgspec.json.decode((tmp_path / "out" / CROISSANT).read_bytes())
+    assert about["license"] == "https://creativecommons.org/licenses/by/4.0/"
+
+
 def test_every_field_of_croissant_says_its_unit(dynamics, tmp_path):
     export(dynamics, tmp_path / "out", "croissant")
     said = json.loads((tmp_path / "out" / CROISSANT).read_text())

@@ -40,6 +40,13 @@ def test_more_broken_episodes_alone_are_new_too(made, logs_of, whole, tmp_path):
     assert whole(tmp_path / "out")
 
 
+@pytest.mark.parametrize(("licence", "expected"), [(None, "CC-BY-4.0"), ("CC0-1.0", "CC0-1.0")])
+def test_the_licence_is_that_of_the_dataset_or_the_one_named(made, logs_of, tmp_path, licence, expected):
+    old, more = made("old", range(4)), logs_of("more", [4])
+    edited = convert_onto(old, [more], tmp_path / "out", "old", "1.1.0", licence=licence)
+    assert edited.manifest.licence == expected
+
+
 def refusal(onto, logs, out) -> str:
     with pytest.raises(JengaError) as caught:
         convert_onto(onto, [logs], out, "old", "1.1.0")

@@ -64,13 +64,21 @@ def test_edges_are_those_of_the_state_graph(episode_of):
 def test_edge_force_is_what_lifts_the_upper_block():
     contacts = Contacts(np.array([2, 0, 2, 1]), np.array([0, 2, 0, TABLE]), np.diag([0, 0, 1.0, 0])[:, :3] + 1.0)
     # Block 0 lifts block 2 with 1 + 2 N, and block 2 "lifts" block 0 with 1 N: 3 - 1 N in all.
-    np.testing.assert_allclose(edge_forces(contacts, np.array([[2, 2], [0, 1]]), 3), [2.0, 0.0])
+    none = Contacts(np.zeros(0, int), np.zeros(0, int), np.zeros((0, 3)))
+    offset, upper, lower = np.array([0, 2, 2, 4]), np.array([2, 2, 2, 2]), np.array([0, 1, 0, 1])
+    np.testing.assert_allclose(edge_forces([contacts, contacts, none], offset, upper, lower, 3), [2.0, 0.0, 0.0, 0.0])
 
 
 def test_step_means_take_what_comes_after_the_start():
     values = np.arange(1.0, 6.0)[:, None] * [1, 10, 100]
     means = step_means(np.array([0, 1, 2, 3, 9]), values, np.array([0, 2, 4]), np.array([2, 4, 6]))
     np.testing.assert_allclose(means[:, 0], [2.5, 4.0, 0.0])
+
+
+def test_a_finger_that_nothing_touches_feels_exactly_nothing():
+    values = np.array([0.1, 0.7, 0.0, 0.0])[:, None] * [1, 1, 1]
+    means = step_means(np.arange(4), values, np.array([-1, 1]), np.array([1, 3]))
+    assert means[1].tolist() == [0.0, 0.0, 0.0]
 
 
 _NO_FRAMES = {

@@ -17,6 +17,7 @@ import pytest
 
 from jenga_data.dataset.manifest import MANIFEST, SPLITS, canonical_bytes, load_manifest, sealed
 from jenga_data.dataset.read import open_dataset
+from jenga_data.dataset.schema import EPISODES
 from jenga_data.dataset.share.pull import pull
 from jenga_data.dataset.share.push import push
 from jenga_data.dataset.share.remote import Remote, connect
@@ -337,6 +338,16 @@ def test_parts_that_do_not_exist_are_refused(selection, tmp_path):
         pull(there, tmp_path / "part", episodes=["nobody"])
     with pytest.raises(JengaError, match=f"no episode '{trained}' in split test of"):
         pull(there, tmp_path / "part", "test", [trained])
+
+
+def test_a_part_whose_table_promises_other_rows_is_refused(dynamics, tmp_path, forge):
+    whole = open_dataset(dynamics)
+    trained = str(whole.column("episode")[whole.rows("train")[0]])
+    promising = forge(dynamics, EPISODES, rows=lambda rows: rows + (whole.episodes()["episode"] == trained))
+    push(promising, str(tmp_path / "there"))
+    with pytest.raises(CheckFailed, match=r"promises 5 rows of the wanted episodes and its files hold 4"):
+        pull(str(tmp_path / "there"), tmp_path / "part", episodes=[trained])
+    assert not (tmp_path / "part").exists()
 
 
 def test_a_file_that_is_damaged_on_the_way_is_refused_and_named(selection, server, tmp_path):

@@ -12,8 +12,9 @@ from synthetic_log import make_script, write
 
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.limits import MAX_DAMAGES, MAX_DEPTH
+from jenga_data.log.parse import HEAD, unpack
 from jenga_data.log.reader import read_episode, read_header
-from jenga_data.log.records import HEAD, Damage, open_log, unpack, walk
+from jenga_data.log.records import Damage, open_log, walk
 
 
 def damages(path):
@@ -29,7 +30,7 @@ def one_chunk(path, chunk):
 
 
 def test_a_bomb_of_zeros_is_not_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("jenga_data.log.records._ZSTD", None)  # nothing may reach it
+    monkeypatch.setattr("jenga_data.log.parse._ZSTD", None)  # nothing may reach it
     data = zstandard.compress(bytes(2**24))
     bomb = one_chunk(tmp_path / "bomb.mcap", Chunk("zstd", data, 0, 0, 0, 2**24))
     assert "bytes claim to unpack to 16777216" in damages(bomb)[0].reason

@@ -10,8 +10,9 @@ from synthetic_log import SCENE, make_script, play, write
 
 import cli
 from jenga_data.errors import JengaError
+from jenga_data.log.parse import HEAD
 from jenga_data.log.reader import read_episode
-from jenga_data.log.records import HEAD, open_log, read_record
+from jenga_data.log.records import open_log, read_record
 from jenga_data.log.recover import recover
 from jenga_data.log.report import doctor, inspect
 from jenga_data.log.writer import EpisodeWriter

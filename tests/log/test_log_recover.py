@@ -7,10 +7,11 @@ from mcap.records import Channel, Chunk, Message, Metadata
 from synthetic_log import SCENE, make_script, write
 
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.log.parse import parse_record, unpack
 from jenga_data.log.profile import CONTACTS, RECOVERY_METADATA, SIM, STATE
 from jenga_data.log.proto import jenga_pb2 as pb
 from jenga_data.log.reader import attachment, read_episode, read_header
-from jenga_data.log.records import open_log, parse_record, read_record, unpack, walk
+from jenga_data.log.records import open_log, read_record, walk
 from jenga_data.log.recover import recover, recovered_path
 from jenga_data.log.report import doctor, inspect
 

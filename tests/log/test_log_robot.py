@@ -140,7 +140,7 @@ def test_a_log_of_version_1_0_is_still_read(tmp_path, script, monkeypatch):
 
 
 def test_files_say_version_1_1(robot_log):
-    assert inspect(robot_log).episode["version"] == "1.1"
+    assert inspect(robot_log).episode["version"] == "1.2"
 
 
 ROBOT = pb.Robot(

@@ -10,6 +10,7 @@ from synthetic_log import SCENE, STEP_NS, make_script, play, write
 from jenga_data.blocks import Blocks
 from jenga_data.episode import Contacts, Frame
 from jenga_data.errors import JengaError
+from jenga_data.log.actions import read_actions
 from jenga_data.log.codec import packed
 from jenga_data.log.profile import CONFIG
 from jenga_data.log.profile import SCENE as SCENE_NAME
@@ -150,3 +151,18 @@ def test_full_disk_is_one_line(tmp_path, script):
 def test_missing_folder_is_one_line(tmp_path, script):
     with pytest.raises(JengaError, match=r"^cannot write .*No such file or directory; [^\n]*$"):
         EpisodeWriter(tmp_path / "no" / "e.mcap", script.header, SCENE)
+
+
+def test_what_was_wanted_comes_back_beside_what_was_done(tmp_path, script):
+    """Left out where it is the same, as in every file of an older profile."""
+    wanted = np.array([-0.005, 0.013, -0.002])
+    first, *rest = script.actions
+    asked = dataclasses.replace(script, actions=[dataclasses.replace(first, wanted=wanted), *rest])
+    episode = read_episode(write(tmp_path / "asked.mcap", asked))
+    assert episode.action_wanted is not None
+    assert same(episode.action_wanted[0], wanted)
+    assert same(episode.action_wanted[1:], episode.action[1:])
+    assert read_episode(write(tmp_path / "plain.mcap", script)).action_wanted is None
+    frame, action = read_actions(tmp_path / "asked.mcap")
+    assert same(frame, episode.action_frame)
+    assert same(action, episode.action)

@@ -57,7 +57,7 @@ def path(data: FakeDataset, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def network(seed: int = 3) -> torch.nn.Module:
-    return build(replace(CONFIG, seed=seed), SPEC.node_width, FEATURIZER.edge_width).eval()
+    return build(replace(CONFIG, seed=seed), SPEC, FEATURIZER.edge_width).eval()
 
 
 def flat(data: FakeDataset, rows: torch.Tensor, steps: int = 3) -> Graphs:

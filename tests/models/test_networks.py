@@ -32,7 +32,7 @@ def prepared(config: Training, data: FakeDataset) -> tuple[nn.Module, Featurizer
     store = GraphStore.of(spec, Towers.of_dataset(data), data.column("action"))
     normalisation = fit_features(config, spec, store, data.rows("train"))
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, normalisation)
-    return build(config, spec.node_width, featurizer.edge_width).eval(), featurizer, store
+    return build(config, spec, featurizer.edge_width).eval(), featurizer, store
 
 
 @pytest.mark.parametrize("name", CONFIGS)
@@ -141,7 +141,7 @@ def test_the_light_layer_equals_a_message_mlp_that_is_summed_after_its_last_line
 @pytest.mark.parametrize("shared", [False, True])
 @pytest.mark.parametrize("memory", [False, True])
 def test_a_layer_carries_news_one_edge_further(memory: bool, shared: bool):
-    trunk = Trunk(Widths(2, 1, 0), width=8, layers=3, hidden_layers=1, edge_memory=memory, shared=shared)
+    trunk = Trunk(Widths(2, 1, 0, 0), width=8, layers=3, hidden_layers=1, edge_memory=memory, shared=shared)
     chain = torch.stack([torch.arange(5), torch.arange(1, 6)])
     graphs = Graphs(
         torch.randn(6, 2), chain, torch.ones(5, 1), torch.tensor([0]), graph=torch.zeros(6, dtype=torch.long)
@@ -167,7 +167,7 @@ def test_a_seed_decides_the_weights_and_leaves_the_generator_alone():
     torch.manual_seed(5)
     expected = torch.rand(3)
     torch.manual_seed(5)
-    first, second, other = (build(c, 9, 1) for c in (config, config, replace(config, seed=1)))
+    first, second, other = (build(c, graph_spec("G_s+layout"), 1) for c in (config, config, replace(config, seed=1)))
     assert torch.equal(torch.rand(3), expected)
     assert all(torch.equal(a, b) for a, b in zip(first.parameters(), second.parameters(), strict=True))
     assert not all(torch.equal(a, b) for a, b in zip(first.parameters(), other.parameters(), strict=True))
@@ -176,11 +176,11 @@ def test_a_seed_decides_the_weights_and_leaves_the_generator_alone():
 def test_an_own_architecture_is_used_once_it_is_registered(monkeypatch: pytest.MonkeyPatch):
     config = replace(SELECTION_PRESETS["fast"], model="mine")
     with pytest.raises(JengaError, match="unknown model 'mine' for selection; registered: gcn, interaction"):
-        build(config, 9, 1)
+        build(config, graph_spec("G_s+layout"), 1)
     monkeypatch.setitem(SELECTORS, "mine", lambda config, widths: nn.Linear(widths.node, config.width))
-    model = build(config, 9, 1)
+    model = build(config, graph_spec("G_s+layout"), 1)
     assert isinstance(model, nn.Linear)
-    assert model.in_features == 9
+    assert model.in_features == graph_spec("G_s+layout").node_width
 
 
 def test_graph_features_have_the_width_that_the_spec_says():

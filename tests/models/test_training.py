@@ -15,6 +15,7 @@ from fake_towers import FakeDataset, fake_dataset
 
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_models.checkpoint import load
+from jenga_models.committee import Committee
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS, DynamicsTraining, SelectionTraining
 from jenga_models.data import Batch
 from jenga_models.metrics import predict_dynamics, predict_selection
@@ -24,6 +25,10 @@ from jenga_models.train import train_dynamics, train_selection
 SELECTION = replace(SELECTION_PRESETS["fast"], width=8, layers=2, epochs=5, accelerator="cpu")
 STOPPING = replace(SELECTION, train_on_validation=False, patience=2, epochs=40, learning_rate=0.05)
 DYNAMICS = replace(DYNAMICS_PRESETS["fast"], width=8, layers=2, epochs=4, accelerator="cpu")
+SWEEP = replace(
+    SELECTION, model="sweep", flow="down", shared_layers=False, dropout=0.2, mirror=True, members=2, calibrate=True,
+    train_on_validation=False,
+)  # fmt: skip
 PAPER = replace(DYNAMICS_PRESETS["paper"], width=8, epochs=3, accelerator="cpu")
 
 
@@ -59,19 +64,23 @@ def test_a_simulator_beats_the_trivial_prediction(dynamics_data: FakeDataset, si
     assert np.abs((predicted - after)[~others]).max() < 2e-4
 
 
-@pytest.mark.parametrize("interrupted_in", [0, 3])
+@pytest.mark.parametrize(("config", "interrupted_in"), [(SELECTION, 0), (SELECTION, 3), (SWEEP, 3)])
 def test_resumed_training_equals_one_that_was_never_interrupted(
-    selection_data: FakeDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, interrupted_in: int
+    selection_data: FakeDataset,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    config: SelectionTraining,
+    interrupted_in: int,
 ):
-    whole = train_selection(selection_data, SELECTION, tmp_path / "whole")
+    whole = train_selection(selection_data, config, tmp_path / "whole")
     handler = signal.getsignal(signal.SIGINT)
     with interrupted(monkeypatch, interrupted_in), pytest.raises(KeyboardInterrupt):
-        train_selection(selection_data, SELECTION, tmp_path / "resumed")
+        train_selection(selection_data, config, tmp_path / "resumed")
     assert signal.getsignal(signal.SIGINT) is handler
     epochs: list[int] = []
     monkeypatch.setattr(SelectionModule, "on_train_epoch_start", lambda self: epochs.append(self.current_epoch))
-    resumed = train_selection(selection_data, SELECTION, tmp_path / "resumed", resume=True)
-    assert epochs == list(range(interrupted_in, SELECTION.epochs))
+    resumed = train_selection(selection_data, config, tmp_path / "resumed", resume=True)
+    assert epochs == list(range(interrupted_in, config.epochs))
     assert resumed.hash == whole.hash
     assert (resumed.path / "metrics.csv").read_text() == (whole.path / "metrics.csv").read_text()
 
@@ -111,6 +120,18 @@ def test_validation_towers_are_trained_on_where_the_config_says_so(selection_dat
     assert (both.metrics["training_rows"], one.metrics["training_rows"]) == (train + validation, train)
     assert "validation_loss" in one.metrics
     assert "validation_loss" not in both.metrics
+
+
+def test_a_calibrated_committee_is_stored_with_its_temperature(selection_data: FakeDataset, tmp_path: Path):
+    network = load(train_selection(selection_data, SWEEP, tmp_path / "out").path).model
+    assert isinstance(network, Committee)
+    assert network.temperature.item() != 1.0
+    rows = selection_data.rows("validation")
+    wanted = torch.tensor(selection_data.column("failure")[rows].astype(np.int64))
+    said = torch.tensor(predict_selection(tmp_path / "out", selection_data, rows)).clamp(1e-12, 1)
+    logits = torch.stack([(1 - said).log(), said.log()], dim=-1)
+    loss = [torch.nn.functional.cross_entropy(logits * factor, wanted).item() for factor in (0.9, 1.0, 1.1)]
+    assert min(loss) == loss[1]
 
 
 def test_weight_decay_is_decoupled_and_none_is_adam():
@@ -189,7 +210,7 @@ def test_a_gpu_that_is_not_there_is_refused(selection_data: FakeDataset, tmp_pat
     ("split", "config", "message"),
     [
         ("train", SELECTION, "has no training rows"),
-        ("validation", STOPPING, "has no validation rows to stop early by"),
+        ("validation", STOPPING, "has no validation rows to stop early and calibrate by"),
     ],
 )
 def test_an_empty_side_is_refused(tmp_path: Path, split: str, config: SelectionTraining, message: str):

@@ -138,3 +138,35 @@ def test_a_tower_that_falls_ends_the_pull():
 
     assert pull(stage, TakingHand(stage), Steady(-0.001, 0.0, 0.0), True, falls) == ""
     assert len(stage.kept.actions) == 5
+
+
+class Proposing(Steady):
+    """Keeps to narrower limits than the arm, and says what it would have liked."""
+
+    wanted = np.array([-0.003, 0.015, 0.0])
+
+
+def test_what_a_policy_wanted_is_logged_where_it_was_put_on_a_limit():
+    stage = Stage()
+    pull(stage, TakingHand(stage), Steady(-0.02, 0.005, 0.0), all_actions=False)
+    assert all(np.array_equal(action.wanted, [-0.02, 0.005, 0.0]) for action in stage.kept.actions)
+    plain = Stage()
+    pull(plain, TakingHand(plain), Steady(-0.01, 0.0005, 0.0), all_actions=False)
+    assert all(action.wanted is None for action in plain.kept.actions)
+    proposed = Stage()
+    pull(proposed, TakingHand(proposed), Proposing(-0.003, 0.001, 0.0), all_actions=False)
+    assert all(np.array_equal(action.wanted, Proposing.wanted) for action in proposed.kept.actions)
+    assert proposed.kept.actions[0].displacement[1] == 0.001
+
+
+def test_a_policy_that_looks_on_is_shown_the_world_once():
+    class Looking(Steady):
+        seen: list = []  # noqa: RUF012
+
+        def enter(self, view) -> None:
+            self.seen.append((view.recording, view.hand, view.steps))
+
+    stage = Stage()
+    hand = TakingHand(stage)
+    pull(stage, hand, Looking(-0.01, 0.0, 0.0), all_actions=False)
+    assert Looking.seen == [(stage.recording, hand, STEPS)]

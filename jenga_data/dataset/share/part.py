@@ -11,8 +11,8 @@ import numpy as np
 from jenga_data.dataset.assemble import assemble
 from jenga_data.dataset.episode_table import chosen as episodes_where
 from jenga_data.dataset.manifest import SPLITS, File, Manifest, Splits
-from jenga_data.dataset.origin import remaining_provenance
 from jenga_data.dataset.parents import inherited, opened
+from jenga_data.dataset.provenance import remaining_provenance
 from jenga_data.dataset.read import Dataset
 from jenga_data.dataset.schema import EPISODES
 from jenga_data.dataset.shards import plan

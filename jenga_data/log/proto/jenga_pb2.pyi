@@ -103,14 +103,16 @@ class RobotState(_message.Message):
     def __init__(self, frame: _Optional[int] = ..., position: _Optional[_Iterable[float]] = ..., velocity: _Optional[_Iterable[float]] = ..., torque: _Optional[_Iterable[float]] = ..., link_pose: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Action(_message.Message):
-    __slots__ = ("frame", "displacement", "reached")
+    __slots__ = ("frame", "displacement", "reached", "wanted")
     FRAME_FIELD_NUMBER: _ClassVar[int]
     DISPLACEMENT_FIELD_NUMBER: _ClassVar[int]
     REACHED_FIELD_NUMBER: _ClassVar[int]
+    WANTED_FIELD_NUMBER: _ClassVar[int]
     frame: int
     displacement: _containers.RepeatedScalarFieldContainer[float]
     reached: _containers.RepeatedScalarFieldContainer[float]
-    def __init__(self, frame: _Optional[int] = ..., displacement: _Optional[_Iterable[float]] = ..., reached: _Optional[_Iterable[float]] = ...) -> None: ...
+    wanted: _containers.RepeatedScalarFieldContainer[float]
+    def __init__(self, frame: _Optional[int] = ..., displacement: _Optional[_Iterable[float]] = ..., reached: _Optional[_Iterable[float]] = ..., wanted: _Optional[_Iterable[float]] = ...) -> None: ...
 
 class Gripper(_message.Message):
     __slots__ = ("pose", "width", "left_force", "right_force")

@@ -1,0 +1,85 @@
+"""A selector whose messages go through the whole tower, level by level, down and up again.
+
+Weight comes down from the top, and what gives way below tilts all that stands on it: both reach through 20 levels,
+farther than a handful of graph convolutions can look. A sweep updates the blocks of one level from those of the last
+one, as networks on directed acyclic graphs do (Thost and Chen 2021, arXiv 2101.07965), at the cost of one layer.
+"""
+
+import torch
+from jaxtyping import Float
+from torch import Tensor, nn
+from torch.nn import functional
+
+from jenga_models.committee import Committee, MemberLinear
+from jenga_models.gns import CLASSES, Widths
+from jenga_models.graphs import Graphs
+from jenga_models.levels import Levels
+
+
+class Sweep(nn.Module):
+    """One pass through the tower, from the top down or from the bottom up.
+
+    h' = norm(h + MLP([h, sum of ReLU(W [h, h_m]) over level mates m, sum of ReLU(U [h, h'_n]) over the blocks n of
+    the level before that touch it])).
+    """
+
+    def __init__(self, members: int, width: int, down: bool) -> None:
+        super().__init__()
+        self.down = down
+        self.own = MemberLinear(members, width, 4 * width)
+        """Of a block: its part of the messages from mates, from the level before and to mates, and of the MLP."""
+        self.from_before = MemberLinear(members, width, width)
+        self.mates = MemberLinear(members, width, width)
+        self.before = MemberLinear(members, width, width)
+        self.last = MemberLinear(members, width, width)
+
+    def forward(
+        self, state: Float[Tensor, "member graph level place width"], levels: Levels
+    ) -> Float[Tensor, "member graph level place width"]:
+        # What does not wait for the level before is computed for all levels at once.
+        by_mate, by_before, to_mate, own = self.own(state).chunk(4, dim=-1)
+        mates = _sum(by_mate[..., :, None, :] + to_mate[..., None, :, :], levels.mates)
+        known = own + self.mates(mates)
+        rests = levels.on.transpose(-1, -2).roll(-1, 1) if self.down else levels.on
+        order = range(state.shape[2])[::-1] if self.down else range(state.shape[2])
+        done: list[Tensor] = []
+        for k in order:
+            hidden = known[:, :, k]
+            if done:
+                message = by_before[:, :, k, :, None] + self.from_before(done[-1])[..., None, :, :]
+                hidden = hidden + self.before(_sum(message, rests[:, k]))
+            after = state[:, :, k] + self.last(hidden.relu())
+            done.append(functional.layer_norm(after, after.shape[-1:]) * levels.held[:, k, :, None])
+        return torch.stack(done[::-1] if self.down else done, dim=2)
+
+
+def _sum(message: Float[Tensor, "*batch place other width"], from_: Float[Tensor, "*#batch place other"]) -> Tensor:
+    return (message.relu() * from_[..., None]).sum(-2)
+
+
+class SweepClassifier(Committee):
+    """Sweeps down, up, down, ... and a readout -> logits of (holds, fails).
+
+    The sweeps do not look at the target's flag: one pass through a tower serves all its targets, where the readout is
+    taken.
+    """
+
+    def __init__(self, widths: Widths, *, width: int, sweeps: int, members: int, dropout: float) -> None:
+        super().__init__()
+        self.members, self.flag = members, widths.flag
+        self.encode = MemberLinear(members, widths.node, width)
+        self.sweeps = nn.ModuleList(Sweep(members, width, down=k % 2 == 0) for k in range(sweeps))
+        self.hidden = MemberLinear(members, width, width)
+        self.dropout = nn.Dropout(dropout)
+        self.readout = MemberLinear(members, width, CLASSES)
+
+    def each(self, graphs: Graphs) -> Float[Tensor, "member graph 2"]:
+        levels = Levels.of(graphs)
+        node = graphs.node.clone()
+        node[..., self.flag] = 0.0
+        state = self.encode(levels.spread(node).expand(self.members, -1, -1, -1, -1))
+        state = state * levels.held[..., None]
+        for sweep in self.sweeps:
+            state = sweep(state, levels)
+        target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in state])
+        return self.readout(self.dropout(self.hidden(target).relu()))

@@ -1,0 +1,67 @@
+"""The push that watches: where nothing else moves it is the plain one, and it turns back where something does."""
+
+import numpy as np
+import pytest
+from robot_stage import CONFIG, Workplace, put, workplace
+
+from jenga_data.collect.careful_push import GIVE_UP, TURN_BACK, CarefulSkills
+from jenga_data.collect.skills import Skills
+
+STEP = 0.0008
+
+
+class Counting(CarefulSkills):
+    """Counts taps, and lets somebody move a block behind the push's back."""
+
+    taps = 0
+    meddle = 0.0
+    pushing = False
+
+    def _tap(self) -> None:
+        self.taps += 1
+        super()._tap()
+
+    def push_forward(self, path) -> None:
+        self.pushing = True
+        super().push_forward(path)
+        self.pushing = False
+
+    def frame(self, turning=None) -> None:
+        super().frame(turning)
+        if self.meddle and self.pushing:
+            block = int(self._world.layout.grid[3, 1])
+            where = self._world.pose[block, :3]
+            put(self._world, f"block_{block}", where + self.meddle * np.eye(3)[0])
+
+
+def pushed(skills: type[Skills], meddle: float = 0.0) -> Workplace:
+    place = workplace(CONFIG, make_skills=skills)
+    place.skills.take_stick()
+    place.recording.phase("push")
+    if isinstance(place.skills, Counting):
+        place.skills.meddle = meddle
+    place.skills.push()
+    return place
+
+
+def way(place: Workplace) -> np.ndarray:
+    return np.asarray(place.log.frames[-1].pose[:, :3] - place.log.frames[0].pose[:, :3])
+
+
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_a_loose_block_is_pushed_as_by_the_plain_push():
+    plain, careful = pushed(Skills), pushed(Counting)
+    assert isinstance(careful.skills, Counting)
+    assert careful.skills.taps == 0
+    np.testing.assert_array_equal(way(plain), way(careful))
+
+
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_it_turns_back_when_another_block_moves_and_stops_before_the_layer_is_gone():
+    place = pushed(Counting, meddle=STEP)
+    assert isinstance(place.skills, Counting)
+    target = place.recording.target
+    out = np.array([frame.pose[target, 0] for frame in place.log.frames])
+    assert out[-1] - out[0] < 0.018
+    assert TURN_BACK < GIVE_UP
+    assert place.skills.taps <= 1
