@@ -166,6 +166,8 @@ class DynamicsTraining(Training):
                 raise JengaError(f"{name} is {getattr(self, name)}; allowed: 1 and more")
         if self.model == "factored":
             self._check_factored()
+        elif self.model == "gns" and "block_twist" in graph_spec(self.graph).node_features:
+            raise JengaError(f"graph {self.graph!r} holds velocities, which gns does not predict; allowed: G_e")
 
     def _check_factored(self) -> None:
         given = (self.graph, self.flow, self.edge_attributes, self.scale_features)
@@ -218,15 +220,15 @@ DYNAMICS_PRESETS: dict[str, DynamicsTraining] = {
     "best": DynamicsTraining(
         graph="G_e+motion",
         model="factored",
-        width=48,
+        width=64,
         scale_features=False,
         learning_rate=2e-3,
         weight_decay=1e-4,
         schedule="cosine",
         gradient_clip=1.0,
         batch_size=32,
-        epochs=40,
-        patience=40,
+        epochs=60,
+        patience=60,
     ),
     "fast": DynamicsTraining(
         width=32,

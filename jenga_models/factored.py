@@ -93,12 +93,12 @@ class Factored(nn.Module):
         bodies = Bodies.of(graphs.node)
         index, kind = pairs(graphs, bodies)
         target = graphs.spread(graphs.at_target(bodies.position))
-        node = self.encode(node_features(bodies, target, graphs.graph))
+        lag = graphs.node.new_zeros(len(graphs), 3) if graphs.lag is None else graphs.lag
+        node = self.encode(node_features(bodies, target, graphs.spread(lag), graphs.graph))
         pair = self.pair(pair_features(bodies, index, kind))
         for step in self.steps:
             node = step(node, pair, index, graphs)
         moving = torch.cat([bodies.velocity, bodies.turning], dim=-1)
-        lag = node.new_zeros(len(graphs), 3) if graphs.lag is None else graphs.lag
         return Look(node, graphs.at_target(node), moving, bodies.flag, graphs.at_target(bodies.velocity), lag)
 
     def heard(self, look: Look, plans: Float[Tensor, "plan horizon 3"]) -> Float[Tensor, "plan horizon guide 3"]:

@@ -23,7 +23,7 @@ NEIGHBOURS = 0.065
 """Blocks of one level are a pair up to this distance of their centres across the level [m]."""
 SAME_LEVEL = 0.0075
 """Two blocks are of one level up to half a block's height [m]."""
-NODE_WIDTH, PAIR_WIDTH = 30, 30
+NODE_WIDTH, PAIR_WIDTH = 36, 30
 
 _SIZE, _SIZE_SPREAD = (0.075, 0.025, 0.015), (3e-4, 2.5e-4, 1.75e-4)
 _MASS, _MASS_SPREAD = 0.0193, 0.0014
@@ -86,9 +86,12 @@ def squashed(value: Tensor, unit: float) -> Tensor:
 
 
 def node_features(
-    bodies: Bodies, target: Float[Tensor, "*sample #node 3"], graph: Int[Tensor, " node"] | None
+    bodies: Bodies,
+    target: Float[Tensor, "*sample #node 3"],
+    lag: Float[Tensor, "*sample #node 3"],
+    graph: Int[Tensor, " node"] | None,
 ) -> Float[Tensor, "*sample node feature"]:
-    """Features of each block; `target` is where its graph's target is [m]."""
+    """Features of each block; `target` is where its graph's target is, `lag` how far the hand is behind [m]."""
     b = bodies
     size = b.extent - torch.where(
         b.along_x[..., None], b.extent.new_tensor(_SIZE), b.extent.new_tensor([_SIZE[1], _SIZE[0], _SIZE[2]])
@@ -110,6 +113,8 @@ def node_features(
             squashed(moving, _FINE),
             squashed(off[..., :2], 1e-3),
             (off[..., 2:].abs() < SAME_LEVEL).to(off.dtype),
+            b.flag[..., None] * lag / MILLIMETRE,
+            b.flag[..., None] * squashed(lag, _FINE),
         ],
         dim=-1,
     )

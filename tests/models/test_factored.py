@@ -72,7 +72,9 @@ def test_features_are_as_many_as_they_say(data: FakeDataset):
     graphs = flat(data, torch.arange(4))
     bodies = Bodies.of(graphs.node)
     index, kind = pairs(graphs, bodies)
-    assert node_features(bodies, graphs.spread(graphs.at_target(bodies.position)), graphs.graph).shape[1] == NODE_WIDTH
+    target = graphs.spread(graphs.at_target(bodies.position))
+    assert graphs.lag is not None
+    assert node_features(bodies, target, graphs.spread(graphs.lag), graphs.graph).shape[1] == NODE_WIDTH
     assert pair_features(bodies, index, kind).shape == (len(kind), PAIR_WIDTH)
     graph = torch.arange(4).repeat_interleave(6)
     assert (graph[index[0]] == graph[index[1]]).all()
