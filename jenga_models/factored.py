@@ -84,7 +84,7 @@ class Factored(nn.Module):
         self.size = nn.Linear(width, 2)
         self.unit: Tensor
         self.register_buffer("unit", torch.tensor(MOTION_UNIT), persistent=False)
-        with torch.no_grad():  # at first, everything stays where it is
+        with torch.no_grad():  # at first, the target follows the hand and everything else goes on as it moves
             self.motion.weight.mul_(0.1)
             self.motion.bias.zero_()
 
@@ -127,10 +127,10 @@ class Factored(nn.Module):
         # Blocks far from the target move a thousand times less: how much, in powers of e, is a matter of the tower.
         size = self.size(look.node).clamp(*SIZES).exp()[..., None, :]
         own, follow = own * size[..., :1], follow * size[..., 1:]
-        moved = own * self.unit + keep.repeat_interleave(3, dim=-1) * look.moving[..., None, :]
-        guided = (follow.unflatten(-1, (GUIDES, 3)) * heard).sum(-2) + look.is_target[..., None, None] * heard[
-            ..., 0, :
-        ]
+        is_target = look.is_target[..., None, None]
+        keep = (keep + 1 - is_target).repeat_interleave(3, dim=-1)
+        moved = own * self.unit + keep * look.moving[..., None, :]
+        guided = (follow.unflatten(-1, (GUIDES, 3)) * heard).sum(-2) + is_target * heard[..., 0, :]
         return torch.cat([moved[..., :3] + guided, moved[..., 3:]], dim=-1), hidden
 
     def after(self, motion: Tensor, hidden: Tensor) -> Float[Tensor, "*plan node horizon 6"]:

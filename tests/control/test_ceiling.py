@@ -7,15 +7,20 @@ import numpy as np
 import pytest
 from closed_loops import tower
 from made_up_dataset import BLOCKS
+from short_towers import short_towers
 
-from jenga_control.branches import STEPS, Branches, Candidates, eligible, lag_before
+from jenga_control.branches import STEPS, Branches, Candidates, Restarts, choose, eligible, lag_before, simulate
 from jenga_control.ceiling import ceiling_report, disturbance, from_folder, ranking_report, state_of, varies
 from jenga_control.dynamics import NothingMoves
 from jenga_control.tables import ceiling_tables
-from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE
+from jenga_data.collect.config import ExtractionConfig, SpawnConfig
+from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE, run_extraction
 from jenga_data.collect.resume import KNOWN
+from jenga_data.dataset.split import TEST_SHARE, position
 from jenga_data.episode import CONTROL_STEP_NS, Contacts, Episode, EpisodeHeader, GripperTrack, Result
-from jenga_data.errors import CheckFailed
+from jenga_data.errors import CheckFailed, JengaError
+from jenga_data.log.reader import read_header
+from jenga_data.log.writer import EpisodeWriter
 from jenga_data.outcome import Outcome, Verdict
 
 TARGET = 4
@@ -167,3 +172,39 @@ def test_candidate_plans_are_around_the_last_action_and_within_the_arms_limits(t
     assert plans[:, 0, 0].std() == pytest.approx(1e-3, rel=0.1)
     np.testing.assert_array_equal(plans, work.plans(episode(), 3))
     assert (plans != work.plans(episode(), 4)).any()
+
+
+@pytest.fixture(scope="module")
+def log(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A loose block of a short tower, pulled by a gripper."""
+    path = tmp_path_factory.mktemp("logs") / "pull.mcap"
+    spawn = SpawnConfig(last_round=2, stand=0.32)
+    config = ExtractionConfig(body="gripper", spawn=spawn, side=0.0001, slowest=0.004, fastest=0.006)
+    with short_towers():
+        run_extraction(config, 0, 1, lambda header, scene: EpisodeWriter(path, header, scene))
+    return path
+
+
+def test_states_of_a_real_log_are_restarted_and_branched_from_once(log: Path, tmp_path: Path):
+    states = choose([log], 2, seed=0, held_out=False)
+    assert [(some.log, len(some.numbers)) for some in states] == [(log, 2)]
+    simulate(Restarts(tmp_path), states, 1, "restarting")
+    simulate(Candidates(tmp_path, 3, 1), choose([log], 1, seed=0, held_out=False), 1, "branching")
+    report = from_folder(tmp_path, NothingMoves())
+    assert report["ceiling"]["all"]["rollout_5"]["rmse_mm_others"] == 0
+    assert report["ceiling"]["poses"]["one_step"]["rmse_mm_target"] > 0
+    assert report["ranking"]["n"] + report["ranking"]["alike"] == 1
+    written = {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+    simulate(Restarts(tmp_path), states, 1, "restarting")
+    assert written == {path: path.stat().st_mtime_ns for path in tmp_path.iterdir()}
+
+
+def test_logs_without_held_out_towers_or_pulls_are_refused(log: Path):
+    held_out = position(read_header(log)[0].blocks.tower) < TEST_SHARE
+    if held_out:
+        assert choose([log], 1, 0, held_out=True)
+    else:
+        with pytest.raises(JengaError, match="no pull of 5 actions in held-out towers"):
+            choose([log], 1, 0, held_out=True)
+    with pytest.raises(JengaError, match="0 logs hold no pull"):
+        choose([], 1, 0, held_out=False)

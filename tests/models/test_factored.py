@@ -307,3 +307,23 @@ def test_settings_that_do_not_fit_are_refused(change: dict, message: str):
     with pytest.raises(JengaError, match=message):
         replace(CONFIG, **change)
     assert DynamicsTraining().model == "gns"
+
+
+def test_a_model_of_poses_refuses_a_graph_whose_velocities_it_cannot_go_on_with():
+    with pytest.raises(JengaError, match="holds velocities, which gns does not predict"):
+        DynamicsTraining(graph="G_e+motion")
+
+
+def test_a_network_that_says_nothing_lets_blocks_go_on_and_the_target_follow_the_hand(data: FakeDataset):
+    graphs, net = flat(data, torch.arange(4)), network()
+    assert graphs.action is not None
+    with torch.no_grad():
+        net.get_submodule("motion").weight.zero_()  # pyright: ignore[reportCallIssue]
+        said = net(graphs)[..., :6]
+    goes_on = (graphs.node[:, 12:] * STEP)[:, None].expand_as(said)
+    followed = graphs.action[torch.arange(4).repeat_interleave(6)]
+    is_target = torch.zeros(24, dtype=torch.bool)
+    is_target[graphs.target] = True
+    torch.testing.assert_close(said[~is_target], goes_on[~is_target])
+    torch.testing.assert_close(said[is_target][..., :3], followed[is_target])
+    assert not said[is_target][..., 3:].any()
