@@ -42,7 +42,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     ),
     "log": ("info, doctor, recover", lambda _: log()),
     "bench": (
-        "how fast the parts are (sim, robot, log, loader, convert, control)",
+        "how fast the parts are (sim, robot, log, loader, convert, control, replay)",
         lambda _: bench() | bench_models() | bench_control(),
     ),
     "report": ("what logs and models show (touch, selection, extraction)", lambda _: report_logs() | report_models()),

@@ -1,4 +1,4 @@
-"""The verbs that act and show: demo, eval, report selection, replay. Heavy imports stay inside."""
+"""The verbs that act and show: demo, eval, bench, report, replay. Heavy imports stay inside."""
 
 from pathlib import Path
 from typing import Literal
@@ -205,7 +205,20 @@ def bench() -> dict[str, Verb]:
         found = bench_control(model, towers, threads, simulator_samples, preset, device)
         return Shown(json, found, found.pop("text"))
 
-    return {"control": control}
+    def replay(seconds: float = 60.0, model: MaybePath = None, repeats: int = 3, json: Json = False) -> Shown:
+        """How long a recording for rerun of a long episode takes, without and with a model.
+
+        Args:
+            seconds: length of a made-up episode [s], with fingertip forces at 250 Hz.
+            model: folder of a dynamics checkpoint; by default a network of the preset "best" with random weights.
+            repeats: tries, of which the fastest counts.
+        """
+        from jenga_control.bench_replay import bench_replay
+
+        report = bench_replay(seconds, model, repeats)
+        return Shown(json, report, report.pop("text"))
+
+    return {"control": control, "replay": replay}
 
 
 def report() -> dict[str, Verb]:
@@ -253,12 +266,36 @@ def report() -> dict[str, Verb]:
         text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"
         return Shown(json, found, text)
 
-    return {"selection": selection, "extraction": extraction}
+    def figures(
+        out: Path,
+        selection: MaybePath = None,
+        extraction: MaybePath = None,
+        models: tuple[Path, ...] = (),
+        results: tuple[Path, ...] = (),
+        json: Json = False,
+    ) -> Shown:
+        """Every figure and table of the paper from own logs: rounds, key frames, pushes, predictions, touch, tables.
+
+        Args:
+            out: folder of the figures, with figures.json and .md that say what each shows and which are missing.
+            selection: folder of selection logs, or of a selection dataset.
+            extraction: folder of extraction logs.
+            models: folders of checkpoints; dynamics models are drawn beside the truth.
+            results: folders (or files) with JSON of `report selection` and `eval extraction`, for the tables.
+        """
+        from jenga_control.summary.figures import report_figures
+        from jenga_control.summary.results import read_results
+
+        found = report_figures(out, selection, extraction, models, read_results(results))
+        return Shown(json, found, f"{found.pop('text')}\nwritten: {', '.join(found['written'])}")
+
+    return {"selection": selection, "extraction": extraction, "figures": figures}
 
 
 def replay(
-    episode: tyro.conf.Positional[Path],
+    episode: tyro.conf.Positional[tuple[Path, ...]],
     model: tuple[Path, ...] = (),
+    from_frame: MaybeInt = None,
     save: MaybePath = None,
     web: bool = False,
     png: MaybePath = None,
@@ -268,11 +305,13 @@ def replay(
     meshes: str = "",
     json: Json = False,
 ) -> Shown:
-    """Show an episode in rerun, with models' predictions drawn over the truth.
+    """Show an episode in rerun, with models' predictions drawn over the truth; several of them side by side.
 
     Args:
-        episode: an MCAP log.
-        model: folders of checkpoints.
+        episode: an MCAP log, or up to six.
+        model: folders of checkpoints. Where MPPI acted, its sampled plans are shown; if it had a learned model, that
+            has to be among these.
+        from_frame: every dynamics model predicts in an open loop from this frame on, besides every single step.
         save: write a recording for rerun instead of opening it.
         web: serve it to a browser.
         png: take a screenshot without a screen (needs a Vulkan driver, such as Debian's mesa-vulkan-drivers).
@@ -284,5 +323,9 @@ def replay(
     """
     from jenga_control.replay import replay as run
 
-    shown = run(episode, model, save=save, web=web, png=png, time=time, frame=frame, strip=strip, meshes=meshes)
-    return Shown(json, {"episode": str(episode), "written": [str(path) for path in shown]}, "\n".join(map(str, shown)))
+    shown = run(
+        episode, model, from_frame=from_frame, save=save, web=web, png=png, time=time, frame=frame, strip=strip,
+        meshes=meshes,
+    )  # fmt: skip
+    data = {"episode": str(episode[0]), "episodes": [str(path) for path in episode], "written": list(map(str, shown))}
+    return Shown(json, data, "\n".join(data["written"]))

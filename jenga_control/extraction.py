@@ -10,7 +10,7 @@ from jaxtyping import Float
 
 from jenga_control.cost import CostConfig, plan_cost
 from jenga_control.dynamics import Dynamics, Learned, NothingMoves
-from jenga_control.mppi import Controller, MPPIConfig
+from jenga_control.mppi import Controller, MPPIConfig, Plan
 from jenga_control.touch_pull import CarefulTouch, TouchConfig
 from jenga_data.collect.branches import Branch, Trunk
 from jenga_data.collect.config import Actor, ExtractionConfig
@@ -42,6 +42,8 @@ class MPPIPolicy:
         self._controller = Controller(search, rng)
         self._cost = cost
         self._dynamics = dynamics if cost.needs_dynamics else None
+        self.decision: Plan | None = None
+        """The last one, with all that was considered."""
         self.wanted = np.zeros(3)
 
     def enter(self, view: View) -> None:
@@ -58,9 +60,9 @@ class MPPIPolicy:
             poses = dynamics.rollout(plans) if dynamics is not None else None
             return plan_cost(plans, poses, target, self._cost)
 
-        plan = self._controller.plan(rollout)
-        self.wanted = plan.unclipped
-        return plan.action
+        self.decision = self._controller.plan(rollout)
+        self.wanted = self.decision.unclipped
+        return self.decision.action
 
 
 class StraightPull:

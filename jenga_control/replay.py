@@ -1,19 +1,24 @@
-"""An episode in rerun, with the predictions of any number of models over it."""
+"""Episodes in rerun, with the predictions of any number of models over them."""
 
 from collections.abc import Sequence
 from pathlib import Path
 from tempfile import mkdtemp
 
-from jenga_data.episode import Episode
+from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode
-from jenga_data.replay.measures import moment
+from jenga_data.replay.measures import moment, seconds
+from jenga_data.replay.shown import Shown
+
+MOST = 6
+"""So many episodes fit side by side on a screen."""
 
 
 def replay(
-    episode: Path,
+    episodes: Sequence[Path],
     models: Sequence[Path] = (),
     *,
+    from_frame: int | None = None,
     save: Path | None = None,
     web: bool = False,
     png: Path | None = None,
@@ -24,42 +29,33 @@ def replay(
 ) -> list[Path]:
     """Write a recording, a screenshot or a film strip, or open a viewer. Returns the files that were asked for.
 
-    A film strip alone needs no rerun: that is imported only for what it is to show.
+    A film strip alone needs no rerun: that is imported only for what it is to show. Several episodes stand side by
+    side.
 
     Args:
+        from_frame: every dynamics model predicts in an open loop from this frame on as well.
         time: moment at which the viewer opens or that the screenshot shows, since the first frame [s]...
         frame: ...or the number of its frame.
         meshes: see `jenga_data.replay.meshes.link_meshes`; none by default.
 
     Raises:
-        JengaError: the log or a checkpoint cannot be read, or there is no viewer to open.
+        JengaError: a log or a checkpoint cannot be read, or there is no viewer to open.
     """
-    if web and (save or png or strip):
-        raise JengaError("--web shows an episode, --save, --png and --strip write files; choose one")
-    if strip and models and not (save or png):
-        raise JengaError("--strip shows no model; leave --model out, or add --save or --png")
-    if (time, frame) != (None, None) and not png and (web or save or strip):
-        raise JengaError(
-            "--time and --frame are for the viewer and for --png; leave them out, or what they cannot go with"
-        )
-    logged = read_episode(episode)
-    at = moment(logged, time, frame)
+    _refuse_contradictions(episodes, models, from_frame, save, web, png, (time, frame), strip)
+    logged = [read_episode(episode) for episode in episodes]
+    at = moment(max(logged, key=lambda episode: float(seconds(episode)[-1])), time, frame)
     if strip:
-        _write_strip(logged, strip)
+        _write_strip(logged[0], strip)
         if not (save or png):
             return [strip]
     from jenga_data.replay.meshes import link_meshes
-    from jenga_data.replay.rerun_adapter import open_at, screenshot, write_rrd
+    from jenga_data.replay.rerun_adapter import open_at, screenshot, write_shown
     from jenga_data.replay.viewer import open_viewer, serve_web
 
-    predictions = []
-    if models:
-        from jenga_models.overlay import overlay
-
-        predictions = [overlay(model, episode) for model in models]
+    shown = [shown_with(path, episode, models, from_frame) for path, episode in zip(episodes, logged, strict=True)]
     # The native viewer reads its file after this program has ended: the folder stays until the system clears it.
-    recording = save or Path(mkdtemp(prefix="jenga-replay-")) / f"{logged.header.key}.rrd"
-    write_rrd(logged, predictions, recording, link_meshes(meshes) if meshes else None)
+    recording = save or Path(mkdtemp(prefix="jenga-replay-")) / f"{logged[0].header.key}.rrd"
+    write_shown(shown, recording, link_meshes(meshes) if meshes else None)
     if png:
         screenshot(recording, png, at)
     elif web:
@@ -69,6 +65,63 @@ def replay(
     elif not save:
         open_viewer([recording])
     return [path for path in (save, png, strip) if path is not None]
+
+
+def shown_with(path: Path, episode: Episode, models: Sequence[Path], from_frame: int | None = None) -> Shown:
+    """An episode with what models say of it, and with the plans of the controller that acted.
+
+    A model's predictions are kept in sidecar files beside the log; see `jenga_models.overlay.overlay`.
+
+    Raises:
+        JengaError: as `overlay`.
+        CheckFailed: as `overlay`.
+    """
+    sampling = "search" in (episode.header.config.get("controller") or {})
+    if not models and not sampling:  # nothing here needs torch, which takes seconds to import
+        return Shown(episode)
+    from jenga_control.plans import sampled_plans
+    from jenga_models.checkpoint import load
+    from jenga_models.overlay import OPEN_LOOP, overlay
+
+    predictions: list[Prediction] = []
+    notes: list[str] = []
+    checkpoints = [load(model) for model in models]
+    for checkpoint in checkpoints:
+        if checkpoint.kind == "dynamics" and not len(episode.action):
+            notes.append(f"{checkpoint.name} predicts nothing here: the episode has no action")
+            continue
+        predictions.append(overlay(checkpoint, path))
+        if from_frame is not None and checkpoint.kind == "dynamics":
+            predictions.append(overlay(checkpoint, path, OPEN_LOOP, from_frame))
+    return Shown(episode, predictions, sampled_plans(episode, checkpoints), notes)
+
+
+def _refuse_contradictions(
+    episodes: Sequence[Path],
+    models: Sequence[Path],
+    from_frame: int | None,
+    save: Path | None,
+    web: bool,
+    png: Path | None,
+    moments: tuple[float | None, int | None],
+    strip: Path | None,
+) -> None:
+    if not episodes:
+        raise JengaError("no log was given; name one or more: jenga replay EPISODE.mcap")
+    if len(episodes) > MOST:
+        raise JengaError(f"{len(episodes)} logs were given; at most {MOST} fit side by side")
+    if web and (save or png or strip):
+        raise JengaError("--web shows an episode, --save, --png and --strip write files; choose one")
+    if strip and models and not (save or png):
+        raise JengaError("--strip shows no model; leave --model out, or add --save or --png")
+    if strip and len(episodes) > 1:
+        raise JengaError(f"--strip shows one episode, {len(episodes)} were given; run it once for each")
+    if from_frame is not None and not models:
+        raise JengaError("--from-frame is where models begin an open loop; add --model, or leave it out")
+    if moments != (None, None) and not png and (web or save or strip):
+        raise JengaError(
+            "--time and --frame are for the viewer and for --png; leave them out, or what they cannot go with"
+        )
 
 
 def _write_strip(episode: Episode, path: Path) -> None:

@@ -56,7 +56,8 @@ def support_lists(
     count = [np.bincount(frame, minlength=min(at_once, frames - i * at_once)) for i, (frame, _, _) in enumerate(found)]
     none = np.zeros(0, np.int64)
     offset = np.concatenate([[0], np.cumsum(np.concatenate([none, *count]))])
-    return offset, *(np.concatenate([none, *(each[k] for each in found)]) for k in (1, 2))
+    upper, lower = (np.concatenate([none, *(each[k] for each in found)]) for k in (1, 2))
+    return offset, upper, lower
 
 
 def node_features(

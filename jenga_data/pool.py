@@ -11,7 +11,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import connection, get_context, parent_process
+from multiprocessing import connection, get_context, parent_process, resource_tracker
 from multiprocessing.process import BaseProcess
 from threading import Thread
 from time import monotonic, sleep
@@ -205,6 +205,7 @@ def interrupts_held() -> Iterator[None]:
 
     A worker that starts here inherits the blocked signal, so that it is deaf while it still imports.
     """
+    resource_tracker.ensure_running()  # when it starts it lets through again what is blocked here
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield

@@ -46,6 +46,8 @@ class Training:
     """Stop after so many epochs without a better validation loss and keep the best; 0 keeps the last epoch."""
     train_on_validation: bool = False
     """Train on the validation towers as well, so that nothing is left to stop early by."""
+    training_towers: int = 0
+    """Train on so many of the training towers alone, for a learning curve; 0 takes all. More towers hold the fewer."""
     seed: int = 0
     """Decides the initial weights and the order of the rows."""
     accelerator: Accelerator = "auto"
@@ -55,7 +57,7 @@ class Training:
         for name in ("layers", "width", "batch_size", "epochs"):
             if getattr(self, name) < 1:
                 raise JengaError(f"{name} is {getattr(self, name)}; allowed: 1 and more")
-        for name in ("weight_decay", "gradient_clip", "patience", "seed"):
+        for name in ("weight_decay", "gradient_clip", "patience", "training_towers", "seed"):
             if getattr(self, name) < 0:
                 raise JengaError(f"{name} is {getattr(self, name)}; allowed: 0 and more")
         if not self.learning_rate > 0:

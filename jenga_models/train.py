@@ -107,7 +107,9 @@ def _train(
         with torch.random.fork_rng(devices=[]):
             fit(kind, config, module, data, log, best, folder, ready_state)
         module.load_state_dict(best.weights)
-        metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), "training_rows": float(len(train))}
+        towers = len(np.unique(dataset.column("tower")[train]))
+        size = {"training_rows": float(len(train)), "training_towers": float(towers)}
+        metrics = {**log.rows[best.epoch], "epochs": float(len(log.rows)), **size}
         network = module.get_submodule("network")
         if isinstance(network, Committee) and isinstance(config, SelectionTraining) and config.calibrate:
             _calibrate(network, data)
@@ -140,6 +142,8 @@ def _split(
     train, validation = (np.sort(dataset.rows(split)).astype(np.int64) for split in ("train", "validation"))
     if config.train_on_validation:
         train, validation = np.sort(np.concatenate([train, validation])), validation[:0]
+    if config.training_towers:
+        train = _of_towers(dataset, train, config.training_towers)
     if config.accelerator == "cuda" and not torch.cuda.is_available():
         raise JengaError("accelerator is cuda, and torch sees no GPU; allowed here: auto, cpu")
     if len(train) == 0:
@@ -151,3 +155,18 @@ def _split(
             "calibrate off and train_on_validation"
         )
     return train, validation
+
+
+def _of_towers(dataset: Rows, rows: Int[np.ndarray, " row"], count: int) -> Int[np.ndarray, " kept"]:
+    """The rows of the first `count` towers by their hash, which has nothing to do with what they are like.
+
+    Raises:
+        JengaError: there are fewer.
+    """
+    tower = dataset.column("tower")[rows]
+    known = np.unique(tower)
+    if count > len(known):
+        raise JengaError(
+            f"training_towers is {count}; {dataset_name(dataset)} has {len(known)} to train on; 0 takes all of them"
+        )
+    return rows[np.isin(tower, known[:count])]

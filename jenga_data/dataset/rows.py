@@ -203,7 +203,7 @@ def step_means(
     count = np.maximum(last - first, 0)
     step = np.repeat(np.arange(len(first)), count)
     sample = np.arange(len(step)) + np.repeat(first - (np.cumsum(count) - count), count)
-    # Summed step by step: differences of one running sum would leave its rounding where no finger is touched.
+    # Summed step by step: differences of one running sum would depend on all samples before, which may not be read.
     total = np.zeros((len(first), values.shape[1]))
     np.add.at(total, step, values[sample])
     return total / np.maximum(count, 1)[:, None]

@@ -7,6 +7,7 @@ import numpy as np
 
 from jenga_data.episode import Episode, EpisodeHeader, Prediction
 from jenga_data.replay.measures import MM, error_scale, has_chances, metres_per_newton, model_labels, seconds
+from jenga_data.replay.plans import Plans
 from jenga_data.tower import CENTRE
 
 _SHORT = 12
@@ -30,8 +31,10 @@ def target_words(header: EpisodeHeader) -> str:
     return f"block {header.target}: level {place.level}, slot {place.slot} ({side})"
 
 
-def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
-    """The whole text, for a viewer that shows Markdown."""
+def summary(
+    episode: Episode, predictions: Sequence[Prediction], plans: Plans | None = None, notes: Sequence[str] = ()
+) -> str:
+    """The whole text, for a viewer that shows Markdown; `notes` say what is not shown, and why."""
     header, time = episode.header, seconds(episode)
     facts = [
         ("episode", f"{header.kind} {header.number}, seed {header.seed}"),
@@ -45,20 +48,23 @@ def summary(episode: Episode, predictions: Sequence[Prediction]) -> str:
         facts.append(("others moved", f"{verdict.moved * MM:.1f} mm at most"))
         clear = "never" if verdict.clear_frame < 0 else f"at {time[verdict.clear_frame]:.2f} s"
         facts.append(("target clear", clear))
-    facts += _chances(header.target, predictions)
+    facts += chances(header.target, predictions)
+    if plans is not None and plans.note:
+        facts.append(("plans", plans.note))
+    facts += [("note", note) for note in notes]
     provenance = [("key", header.key), ("tower", header.blocks.tower)]
     if header.checkpoint:
         provenance.append(("acting model", header.checkpoint[:_SHORT]))
     provenance += [(f"model {p.name}, {p.kind.replace('_', ' ')}", p.checkpoint[:_SHORT]) for p in predictions]
     provenance += [(name.replace("_", " "), _shortened(value)) for name, value in sorted(header.provenance.items())]
-    parts = [("Colours", _colours(episode, predictions)), ("Provenance", provenance)]
+    parts = [("Colours", _colours(episode, predictions, plans)), ("Provenance", provenance)]
     lines = [f"# {outcome_words(episode)}", "", *_list(facts)]
     for title, rows in parts:
         lines += ["", f"## {title}", "", *_list(rows)]
     return "\n".join(lines)
 
 
-def _colours(episode: Episode, predictions: Sequence[Prediction]) -> list[tuple[str, str]]:
+def _colours(episode: Episode, predictions: Sequence[Prediction], plans: Plans | None) -> list[tuple[str, str]]:
     """What the colours and lengths of the drawing mean."""
     rows = [("target", "blue")]
     for label, prediction in zip(model_labels(predictions), predictions, strict=True):
@@ -71,10 +77,12 @@ def _colours(episode: Episode, predictions: Sequence[Prediction]) -> list[tuple[
         rows.append(
             ("arrows", f"1 cm is {0.01 / metres_per_newton(forces):g} N; red: on the target, yellow: elsewhere")
         )
+    if plans is not None and len(plans.frame):
+        rows.append(("plans", "blue: sampled, orange: the one decided on"))
     return rows
 
 
-def _chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[str, str]]:
+def chances(target: int, predictions: Sequence[Prediction]) -> Iterable[tuple[str, str]]:
     """What each selector gave the target, once a model."""
     chance = {p.name: float(p.failure_probability[target]) for p in predictions}
     return [(f"failure, says {name}", f"{100 * p:.0f} %") for name, p in chance.items() if np.isfinite(p)]

@@ -1,5 +1,6 @@
 """`jenga bench convert` on synthetic logs, and the quick way to a log's rows beside the whole one."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,25 +8,52 @@ import pytest
 
 from jenga_data.dataset.rows import Ragged, rows_of
 from jenga_data.errors import CheckFailed, JengaError
-from jenga_data.log.excerpt import read_for_rows
+from jenga_data.log.excerpt import Excerpt, read_for_rows
 from jenga_data.log.reader import read_episode
+
+
+def assert_rows_of_the_whole(path: Path, part: Excerpt) -> None:
+    whole = read_episode(path)
+    assert part.frames == len(whole.pose)
+    quick, slow = rows_of(part.episode, part.number), rows_of(whole)
+    assert quick.keys() == slow.keys()
+    for name, values in slow.items():
+        other = quick[name]
+        if isinstance(values, Ragged):
+            assert isinstance(other, Ragged)
+            assert np.array_equal(values.offset, other.offset)
+            values, other = values.values, other.values
+        assert np.array_equal(values, np.asarray(other)), name
 
 
 @pytest.mark.parametrize("kind", ["selection", "extraction"])
 def test_what_is_read_for_rows_gives_the_rows_of_the_whole_episode(kind, request):
     for path in sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[:4]:
-        whole = read_episode(path)
-        part = read_for_rows(path, first_frame=kind == "selection")
-        assert part.frames == len(whole.pose)
-        quick, slow = rows_of(part.episode, part.number), rows_of(whole)
-        assert quick.keys() == slow.keys()
-        for name, values in slow.items():
-            other = quick[name]
-            if isinstance(values, Ragged):
-                assert isinstance(other, Ragged)
-                assert np.array_equal(values.offset, other.offset)
-                values, other = values.values, other.values
-            assert np.array_equal(values, np.asarray(other)), name
+        assert_rows_of_the_whole(path, read_for_rows(path, first_frame=kind == "selection"))
+
+
+@pytest.fixture
+def one_action(episode_of, write, tmp_path, monkeypatch) -> Path:
+    """A log of many chunks whose only action is at frame 2 of 5."""
+    monkeypatch.setattr("jenga_data.log.output.CHUNK_BYTES", 500)
+    episode, at = episode_of("extraction", 1), slice(2, 3)
+    kept = {name: getattr(episode, name)[at] for name in ("action_frame", "action", "action_reached")}
+    return write(replace(episode, **kept), tmp_path)
+
+
+def test_only_what_is_around_the_actions_is_read(one_action):
+    part = read_for_rows(one_action, first_frame=False)
+    assert part.number.tolist() == [0, 2, 3]
+    assert part.episode.action_frame.tolist() == [1]
+    assert 4 <= len(part.episode.gripper.time_ns) < len(read_episode(one_action).gripper.time_ns)
+    assert_rows_of_the_whole(one_action, part)
+
+
+def test_a_log_whose_times_do_not_lead_to_its_frames_is_read_whole(one_action, monkeypatch):
+    monkeypatch.setattr("jenga_data.log.excerpt._MARGIN_NS", 0)
+    part = read_for_rows(one_action, first_frame=False)
+    assert part.number.tolist() == [0, 1, 2, 3, 4]
+    assert_rows_of_the_whole(one_action, part)
 
 
 @pytest.mark.parametrize("where", [0.3, 0.5, 0.7])
@@ -65,6 +93,7 @@ def test_both_sides_make_the_same_rows(kind, request):
                     assert theirs[name] == ours
                 else:
                     np.testing.assert_allclose(np.asarray(theirs[name]), ours, rtol=1e-5, atol=1e-6, err_msg=name)
+        assert theirs.edge_index is not None
         for name, values in {"edge_upper": theirs.edge_index[0], "edge_force": theirs.edge_attr}.items():
             ragged = rows[name]
             assert isinstance(ragged, Ragged)

@@ -87,7 +87,7 @@ def test_a_chunk_that_lies_about_its_size_is_not_unpacked(tmp_path, log):
 
 
 def test_a_chunk_that_unpacks_to_more_than_is_allowed_is_not_unpacked(tmp_path, monkeypatch):
-    monkeypatch.setattr("jenga_data.log.records.MAX_RECORD_BYTES", 1000)
+    monkeypatch.setattr("jenga_data.log.parse.MAX_RECORD_BYTES", 1000)
     chunk = Chunk("zstd", zstandard.compress(bytes(1001)), 0, 0, 0, 1001)
     assert damage_of(tmp_path, chunk) == "chunk: claims to unpack to 1001 bytes; allowed: 1000"
 

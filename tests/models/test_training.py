@@ -134,6 +134,25 @@ def test_a_calibrated_committee_is_stored_with_its_temperature(selection_data: F
     assert min(loss) == loss[1]
 
 
+def test_a_learning_curve_trains_on_whole_towers_of_which_more_hold_the_fewer(
+    selection_data: FakeDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    seen: dict[int, set[str]] = {}
+
+    def note(dataset: FakeDataset, config: SelectionTraining, spec: object, train: np.ndarray) -> None:
+        seen[config.training_towers] = set(dataset.column("tower")[train])
+        raise InterruptedError
+
+    monkeypatch.setattr("jenga_models.train.selection_problem", note)
+    for count in (0, 20, 5):
+        with pytest.raises(InterruptedError):
+            train_selection(selection_data, replace(SELECTION, training_towers=count), tmp_path / str(count))
+    assert [len(seen[count]) for count in (20, 5)] == [20, 5]
+    assert seen[5] < seen[20] < seen[0]
+    with pytest.raises(JengaError, match=r"training_towers is 9999; tiny@1.0.0 has \d+ to train on"):
+        train_selection(selection_data, replace(SELECTION, training_towers=9999), tmp_path / "too many")
+
+
 def test_weight_decay_is_decoupled_and_none_is_adam():
     plain, decayed = (
         SelectionModule(torch.nn.Linear(1, 1), replace(SELECTION, weight_decay=w, schedule="constant"))

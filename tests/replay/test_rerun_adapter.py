@@ -18,6 +18,7 @@ from jenga_data.episode import Episode, Prediction
 from jenga_data.errors import JengaError
 from jenga_data.replay import rerun_adapter, viewer
 from jenga_data.replay.contact_points import contact_points
+from jenga_data.replay.recording import window
 from jenga_data.replay.rerun_adapter import FRAME, TIME, screenshot, write_rrd
 from jenga_data.replay.viewer import headless_viewer
 
@@ -210,7 +211,7 @@ def test_a_viewer_opens_at_the_moment_that_was_asked_for(
     urls, processes = [], []
     start, opened = viewer._start, viewer.open_steerable_viewer
     monkeypatch.setattr(viewer, "_start", lambda args: processes.append(start(["--headless", *args])) or processes[-1])
-    monkeypatch.setattr(rerun_adapter, "open_steerable_viewer", lambda path: urls.append(opened(path)) or urls[-1])
+    monkeypatch.setattr(window, "open_steerable_viewer", lambda path: urls.append(opened(path)) or urls[-1])
     write_rrd(episode, [], tmp_path / "a.rrd")
     try:
         rerun_adapter.open_at(tmp_path / "a.rrd", 1.28)

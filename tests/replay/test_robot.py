@@ -2,17 +2,16 @@
 
 import time
 from dataclasses import replace
-from itertools import product
 from pathlib import Path
 
 import matplotlib.image
 import numpy as np
 import pytest
-from made_up_episode import TARGET, make_episode, random_quaternions
+from made_up_episode import TARGET, make_episode
 from rerun.chunk import Chunk, RrdReader
 from three_link_robot import BASE, MODEL, REACH, track
 
-from jenga_data.episode import ROBOT, Contacts, Episode, Link, Phase, RobotModel, Solid
+from jenga_data.episode import ROBOT, Contacts, Episode, Phase
 from jenga_data.geometry import rotation_matrices
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.curves import episode_curves
@@ -20,11 +19,11 @@ from jenga_data.replay.measures import displacement
 from jenga_data.replay.moments import Moment, telling_moments
 from jenga_data.replay.paint import TURNTABLE
 from jenga_data.replay.picture import AZIMUTH, free_azimuth, render_tower, robot_parts, tower_camera
-from jenga_data.replay.raster import NOTHING, Camera, rasterise
+from jenga_data.replay.raster import Camera
 from jenga_data.replay.rerun_adapter import FRAME, write_rrd
 from jenga_data.replay.series import episode_series
 from jenga_data.replay.side_by_side import film_strip
-from jenga_data.replay.solids import Boxes, Faces, robot_faces, solid_bounds, solid_quads
+from jenga_data.replay.solids import Boxes, Faces, robot_faces, solid_quads
 from jenga_data.tower import turn_poses
 
 SOLIDS = {
@@ -130,43 +129,6 @@ def test_a_minute_with_a_robot_takes_less_than_five_seconds(tmp_path: Path) -> N
 
 
 # --- solids --------------------------------------------------------------------------------------------------------
-
-R, LENGTH = 0.02, 0.05
-BALL = 4 / 3 * np.pi * R**3
-SHAPES = [
-    ("box", (0.1, 0.02, 0.03), 0.1 * 0.02 * 0.03),
-    ("sphere", (R, 0.0, 0.0), BALL),
-    ("cylinder", (R, LENGTH, 0.0), np.pi * R**2 * LENGTH),
-    ("capsule", (R, LENGTH, 0.0), np.pi * R**2 * LENGTH + BALL),
-]
-
-
-@pytest.mark.parametrize(("shape", "size", "volume"), SHAPES)
-def test_faces_enclose_the_solid_and_point_outwards(shape: str, size: tuple[float, float, float], volume: float):
-    """The divergence theorem: the sum of centre . normal . area / 3 is the volume, less if a face shows its back."""
-    corner, patch = solid_quads(shape, size)
-    faces = Faces(corner, np.zeros((len(patch), 3)), patch)
-    triangles = np.concatenate([corner[:, [0, 1, 2]], corner[:, [0, 2, 3]]])
-    signed = np.linalg.det(triangles) / 6
-    assert (signed > -1e-15).all()
-    assert 0.95 * volume < signed.sum() <= volume * (1 + 1e-9)
-    assert (np.einsum("fi,fi->f", faces.normals(), corner.mean(axis=1)) > 0).all()
-
-
-def test_an_unknown_shape_is_a_bug() -> None:
-    with pytest.raises(ValueError, match="no solid has the shape 'cone'"):
-        solid_quads("cone", (1.0, 1.0, 0.0))
-
-
-@pytest.mark.parametrize("elevation", [-1.5, -0.4, 0.0, 0.7, 1.5])
-def test_a_ball_is_round_from_every_side(elevation: float) -> None:
-    corner, _ = solid_quads("sphere", (R, 0.0, 0.0))
-    around = np.array(list(product([-R, R], repeat=3)))
-    camera = Camera.fitting(around, 0.3, elevation, distance=np.inf, aspect=1.0)
-    face, _ = rasterise(corner, camera, 200, 200)
-    low, high = camera.window[:2]
-    area = (face != NOTHING).mean() * (high - low) ** 2
-    assert 0.94 * np.pi * R**2 < area < np.pi * R**2
 
 
 def test_solids_move_with_their_links(moved: Episode) -> None:
@@ -300,20 +262,6 @@ def test_the_curves_get_a_panel_for_each_of_the_joints_quantities_and_the_turnta
 
 
 # --- contacts ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(("shape", "size"), [(shape, size) for shape, size, _ in SHAPES])
-def test_bounding_boxes_hold_their_solids_and_touch_them(shape: str, size: tuple[float, float, float]) -> None:
-    rng = np.random.default_rng(0)
-    own, links = (np.concatenate([rng.normal(size=(n, 3)), random_quaternions(rng, n)], axis=1) for n in (1, 7))
-    x, y, z, qw, qx, qy, qz = own[0].tolist()
-    model = RobotModel((), (Link("a", (Solid(shape, size, (x, y, z, qw, qx, qy, qz), (1.0, 1.0, 1.0, 1.0)),)),))
-    low, high = solid_bounds(model, links[:, None])
-    for k, pose in enumerate(links):
-        corners = robot_faces(model, pose[None]).corners()
-        assert (corners > low[k] - 1e-12).all()
-        assert (corners < high[k] + 1e-12).all()
-        np.testing.assert_allclose(corners.max(axis=0) - corners.min(axis=0), (high - low)[k, 0], rtol=0.06)
 
 
 def test_what_the_robot_touches_is_touched_where_its_nearest_solid_is(moved: Episode) -> None:

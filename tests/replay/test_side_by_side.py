@@ -184,7 +184,7 @@ def test_a_strip_is_written_without_rerun(episode: Episode, tmp_path: Path, monk
     monkeypatch.setitem(__import__("sys").modules, "jenga_data.replay.rerun_adapter", None)
     monkeypatch.setattr("jenga_control.replay.read_episode", lambda path: episode)
     strip = tmp_path / "strip.png"
-    assert replay(tmp_path / "e.mcap", strip=strip) == [strip]
+    assert replay([tmp_path / "e.mcap"], strip=strip) == [strip]
     assert strip.read_bytes().startswith(b"\x89PNG")
 
 
@@ -205,7 +205,7 @@ def test_a_strip_that_cannot_be_is_refused_in_one_line(
 ) -> None:
     monkeypatch.setattr("jenga_control.replay.read_episode", lambda path: episode)
     with pytest.raises(JengaError, match=line):
-        replay(tmp_path / "e.mcap", [Path(m) for m in models], strip=tmp_path / name)
+        replay([tmp_path / "e.mcap"], [Path(m) for m in models], strip=tmp_path / name)
     assert list(tmp_path.iterdir()) == []
 
 

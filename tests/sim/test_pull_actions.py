@@ -149,13 +149,13 @@ class Proposing(Steady):
 def test_what_a_policy_wanted_is_logged_where_it_was_put_on_a_limit():
     stage = Stage()
     pull(stage, TakingHand(stage), Steady(-0.02, 0.005, 0.0), all_actions=False)
-    assert all(np.array_equal(action.wanted, [-0.02, 0.005, 0.0]) for action in stage.kept.actions)
+    assert all(np.array_equal(np.asarray(action.wanted), [-0.02, 0.005, 0.0]) for action in stage.kept.actions)
     plain = Stage()
     pull(plain, TakingHand(plain), Steady(-0.01, 0.0005, 0.0), all_actions=False)
     assert all(action.wanted is None for action in plain.kept.actions)
     proposed = Stage()
     pull(proposed, TakingHand(proposed), Proposing(-0.003, 0.001, 0.0), all_actions=False)
-    assert all(np.array_equal(action.wanted, Proposing.wanted) for action in proposed.kept.actions)
+    assert all(np.array_equal(np.asarray(action.wanted), Proposing.wanted) for action in proposed.kept.actions)
     assert proposed.kept.actions[0].displacement[1] == 0.001
 
 

@@ -1,0 +1,32 @@
+"""The programs of README.md run as they stand there, on less data."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from made_up_dataset import selection_dataset
+
+README = Path(__file__).parents[2] / "README.md"
+
+
+def program(word: str) -> str:
+    """The one Python block of README.md that holds `word`."""
+    (found,) = [block for block in re.findall(r"```python\n(.*?)```", README.read_text(), re.S) if word in block]
+    return found
+
+
+def test_an_own_classifier_gets_its_row_of_the_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+):
+    dataset = selection_dataset(18)
+    dataset.folder = tmp_path / "data"
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("jenga_data.dataset.read.open_dataset", lambda name: dataset)
+    monkeypatch.setattr("jenga_models.registry.SELECTORS", registered := {})
+    text = program("SELECTORS[")
+    assert len(text.splitlines()) <= 25
+    names: dict[str, Any] = {}
+    exec(text.replace("epochs=50", "epochs=1").replace("range(5)", "range(2)"), names)  # noqa: S102: it is our own README
+    assert list(registered) == ["mine"]
+    assert re.search(r"^\| mine \|", capsys.readouterr().out, re.M)
