@@ -34,11 +34,11 @@ FEATURIZER = Featurizer(SPEC, "down", False, Normalisation.none(SPEC.node_width,
 
 
 def moving(data: FakeDataset) -> FakeDataset:
-    """The same towers with velocities: a block goes on as it moved, and the target not only along x."""
+    """The same towers, each block with some velocity that means nothing."""
     rng = np.random.default_rng(1)
     shape = (*data.columns["block_mass"].shape, 6)
-    data.columns["block_twist"] = rng.normal(0, 0.01, shape).astype(np.float32)
-    data.columns["next_twist"] = rng.normal(0, 0.01, shape).astype(np.float32)
+    data.columns["block_twist"] = rng.normal(0, 0.001, shape).astype(np.float32)
+    data.columns["next_twist"] = rng.normal(0, 0.001, shape).astype(np.float32)
     data.columns["target_clear"] = np.zeros(len(data), bool)
     return data
 
