@@ -5,6 +5,7 @@ from typing import Literal
 
 import tyro
 
+from jenga_data.collect.config import SEED_LIMIT
 from jenga_data.command_line import Json, MaybeFloat, MaybeInt, MaybePath, Shown, Verb
 
 
@@ -63,19 +64,67 @@ def evaluate() -> dict[str, Verb]:
         report = evaluate_selection(model or pretrained(), open_dataset(dataset), baselines, workers, ceiling)
         return Shown(json, report, selection_tables(report))
 
-    def dynamics(model: Path, dataset: str, json: Json = False) -> Shown:
+    def dynamics(
+        model: Path, dataset: str, truth: MaybePath = None, figure: MaybePath = None, json: Json = False
+    ) -> Shown:
         """Errors of a dynamics model on the test towers, one step and open loop, next to the trivial prediction.
 
         Args:
             model: folder of a checkpoint.
             dataset: NAME@X.Y.Z or a folder.
+            truth: folder of `jenga eval ceiling`: the ceiling, and the rank correlation of plans, are reported as well.
+            figure: a PNG of true and predicted towers, as in the paper's appendix.
         """
         from jenga_control.evaluate_dynamics import evaluate_dynamics
         from jenga_control.tables import dynamics_tables
         from jenga_data.dataset.read import open_dataset
 
-        report = evaluate_dynamics(model, open_dataset(dataset))
+        rows = open_dataset(dataset)
+        report = evaluate_dynamics(model, rows, truth)
+        if figure:
+            from jenga_control.dynamics_figure import draw_towers
+
+            report["figure"] = str(draw_towers(model, rows, figure))
         return Shown(json, report, dynamics_tables(report))
+
+    def ceiling(
+        logs: tyro.conf.Positional[tuple[Path, ...]],
+        out: Path,
+        states: int = 200,
+        decisions: int = 60,
+        candidates: int = 100,
+        horizon: int = 1,
+        every_tower: bool = False,
+        seed: int = SEED_LIMIT,
+        workers: int = 2,
+        json: Json = False,
+    ) -> Shown:
+        """What the simulator itself says of logged pulls, restarted from what a model is told, and under other plans.
+
+        Args:
+            logs: folders (or files) of MCAP logs of extraction.
+            out: folder of the states; the same command goes on where it was interrupted, and takes more of them.
+            states: how many to restart, of held-out towers: a second of one core and more each.
+            decisions: how many to make all candidate plans from, half a minute of one core each.
+            candidates: plans of a decision.
+            horizon: steps of a plan.
+            every_tower: take towers that models train on as well.
+            seed: decides which states.
+            workers: processes that simulate.
+        """
+        from jenga_control.branches import Candidates, Restarts, choose, simulate
+        from jenga_control.ceiling import from_folder
+        from jenga_control.tables import ceiling_tables
+        from jenga_data.dataset.sources import find_logs
+
+        found = find_logs(logs)
+        if states:
+            simulate(Restarts(out), choose(found, states, seed, not every_tower), workers, "restarting")
+        if decisions:
+            work = Candidates(out, candidates, horizon)
+            simulate(work, choose(found, decisions, seed + 1, not every_tower), workers, "branching")
+        report = from_folder(out, None)
+        return Shown(json, report, ceiling_tables(report))
 
     def extraction(
         out: Path,
@@ -128,7 +177,7 @@ def evaluate() -> dict[str, Verb]:
         )
         return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
 
-    return {"selection": selection, "dynamics": dynamics, "extraction": extraction}
+    return {"selection": selection, "dynamics": dynamics, "ceiling": ceiling, "extraction": extraction}
 
 
 def bench() -> dict[str, Verb]:

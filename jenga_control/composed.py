@@ -29,7 +29,7 @@ class Composed:
         self._is_target = (torch.arange(len(state.blocks)) == target).float()
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
-        pose = np.tile(self._state.pose, (len(actions), 1, 1))
+        pose = np.repeat(self._state.pose[None], len(actions), axis=0)  # torch warns of views that cannot be written
         poses = [pose]
         with torch.inference_mode():
             for step in range(actions.shape[1]):

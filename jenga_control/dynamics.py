@@ -93,9 +93,12 @@ class Learned:
         self._view = view
         self._ahead = self._offset(view.recording.world.pose[view.recording.target])
 
-    def start(self, state: TowerState, target: int) -> None:
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+        """`lag` is for who knows it without a hand to look at, such as from a log."""
         told = {}
-        if self._takes_lag and self._view is not None:
+        if self._takes_lag and lag is not None:
+            told = {"lag": lag}
+        elif self._takes_lag and self._view is not None:
             told = {"lag": self._offset(state.pose[target]) - self._ahead}
         self._model.start(state, target, **told)
         self._pose = state.pose.copy()

@@ -127,7 +127,7 @@ def dynamics_report(horizons: dict[str, Predictions]) -> dict[str, Any]:
     return {
         **report,
         "rank_correlation": None,
-        "rank_correlation_reason": "not measured: it needs the simulator run on the candidate actions of decisions",
+        "rank_correlation_reason": "not measured: it needs --truth, see `jenga eval ceiling`, the simulator on plans",
     }
 
 
@@ -150,11 +150,14 @@ def _predictions(checkpoint: Checkpoint, dataset: Rows, window: Int[np.ndarray, 
     )
 
 
-def evaluate_dynamics(checkpoint: Checkpoint | Path | str, dataset: Rows) -> dict[str, Any]:
+def evaluate_dynamics(checkpoint: Checkpoint | Path | str, dataset: Rows, truth: Path | None = None) -> dict[str, Any]:
     """Score a dynamics model on the test split of a dataset of transitions.
 
     A rollout is compared with the truth after its last step. Rollouts of one episode do not overlap. A horizon
     that no test episode is long enough for has no rows, and a `reason`.
+
+    Args:
+        truth: folder of `jenga eval ceiling`, for the rank correlation of plans and the ceiling.
 
     Raises:
         JengaError: there are no test rows, or the checkpoint or the dataset is of another kind.
@@ -182,4 +185,16 @@ def evaluate_dynamics(checkpoint: Checkpoint | Path | str, dataset: Rows) -> dic
         "dataset_hash": dataset.hash,
         "note": note,
         **report,
+        **({} if truth is None else _against_simulator(model, truth)),
     }
+
+
+def _against_simulator(model: Checkpoint, truth: Path) -> dict[str, Any]:
+    from jenga_control.ceiling import from_folder  # it scores restarts by this file's means
+    from jenga_control.dynamics import Learned
+    from jenga_models.predict import LearnedDynamics
+
+    found = from_folder(truth, Learned(LearnedDynamics(model)))
+    correlation = found["ranking"]["model"]["mean"]
+    reason = f"no decision in {truth} has plans that differ" if correlation is None else ""
+    return {**found, "rank_correlation": correlation, "rank_correlation_reason": reason}

@@ -163,7 +163,35 @@ def dynamics_tables(report: dict[str, Any]) -> str:
                 for who in ("others", "target")
             ]
     header = ("Rows", "Skill", "RMSE [mm]", "trivial [mm]", "RMSE [deg]", "trivial [deg]", "n")
-    return markdown_table(header, rows)
+    parts = [markdown_table(header, rows)]
+    return "\n".join([*parts, ceiling_tables(report)] if "ceiling" in report else parts)
+
+
+def ceiling_tables(report: dict[str, Any]) -> str:
+    """The simulator restarted from what a model is told, and how well plans are ranked."""
+    ceiling, ranking = report["ceiling"], report["ranking"]
+    rows = []
+    for known, horizons in ((k, v) for k, v in ceiling.items() if isinstance(v, dict)):
+        for name, entry in horizons.items():
+            if entry["n"]:
+                skills = (
+                    with_interval(entry[f"skill_{who}"], entry[f"skill_{who}_ci95"]) for who in ("others", "target")
+                )
+                errors = (entry["rmse_mm_others"], entry["rmse_mm_target"])
+                rows.append((known, name.replace("_", " "), *skills, *errors, entry["n"]))
+    header = ("Simulator restarted from", "Horizon", "Skill, others", "target", "RMSE others [mm]", "target [mm]", "n")
+    ranked = [
+        (label, with_interval(ranking[key]["mean"], ranking[key]["ci95"]), ranking[key]["median"], ranking["n"])
+        for label, key in (("**model**", "model"), ("the faster, the worse", "faster_is_worse"))
+    ]
+    plans = f"{ranking['plans']} plans of {ranking['steps']} steps"
+    return "\n".join(
+        [
+            markdown_table(header, rows),
+            markdown_table((f"Ranking of {plans}", "Rank correlation", "Median", "Decisions"), ranked),
+            f"In {ranking['alike']} more decisions all plans do the same to the tower.\n",
+        ]
+    )
 
 
 def extraction_tables(reports: Sequence[dict[str, Any]]) -> str:

@@ -69,13 +69,18 @@ def node_features(
     level: Int[np.ndarray, "*batch block"],
     slot: Int[np.ndarray, "*batch block"],
     target: Int[np.ndarray, "*batch"],
+    block_twist: Float[np.ndarray, "*batch block 6"] | None = None,
 ) -> Float[np.ndarray, "*batch block feature"]:
-    """Node features of any number of towers, raw (SI, not normalised), in the order of `spec.node_features`."""
+    """Node features of any number of towers, raw (SI, not normalised), in the order of `spec.node_features`.
+
+    Without `block_twist` the tower is at rest.
+    """
     count = block_mass.shape[-1]
     columns: dict[str, np.ndarray] = {
         "block_size": block_size,
         "block_mass": block_mass[..., None],
         "block_pose": block_pose,
+        "block_twist": np.zeros((*block_mass.shape, 6)) if block_twist is None else block_twist,
         "target_flag": (np.arange(count) == np.asarray(target)[..., None]).astype(float)[..., None],
         "level": level[..., None].astype(float),
         "slot": (slot[..., None] == np.arange(3)).astype(float),

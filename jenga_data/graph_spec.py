@@ -29,6 +29,7 @@ FEATURE_WIDTH: dict[str, int] = {
     "block_mass": 1,
     "target_flag": 1,
     "block_pose": 7,
+    "block_twist": 6,
     "level": 1,
     "slot": 3,
     "orientation": 1,
@@ -42,9 +43,11 @@ GRAPHS: dict[str, GraphSpec] = {
         GraphSpec("G_sp", ("block_size", "block_mass", "target_flag", "block_pose")),
         GraphSpec("G_s+layout", ("block_size", "block_mass", "target_flag", "level", "slot", "orientation")),
         GraphSpec("G_e", ("block_mass", "target_flag", "block_pose"), action=True),
+        GraphSpec("G_e+motion", ("block_size", "block_mass", "target_flag", "block_pose", "block_twist"), action=True),
     )
 }
-"""The graphs of the paper (section II-B, II-C), and G_s with the layout, which tells a middle block from a side one."""
+"""The graphs of the paper (section II-B, II-C), and G_s with the layout, which tells a middle block from a side one;
+and G_e with sizes and velocities, without which nobody can say what a contact does."""
 
 
 def graph_spec(name: str) -> GraphSpec:

@@ -53,13 +53,15 @@ class Towers:
     offset: Int[np.ndarray, " row+1"]
     upper: Int[np.ndarray, " edge"]
     lower: Int[np.ndarray, " edge"]
+    block_twist: Float[np.ndarray, "row block 6"] | None = None
+    """Velocities [m/s, rad/s]; None is at rest, or not asked for."""
 
     def __len__(self) -> int:
         return len(self.target)
 
     @classmethod
-    def of_dataset(cls, dataset: Rows) -> "Towers":
-        """All rows of a dataset, with the edges that its converter found."""
+    def of_dataset(cls, dataset: Rows, moving: bool = False) -> "Towers":
+        """All rows of a dataset, with the edges that its converter found; with velocities if `moving`."""
         edges = dataset.edges()
         return cls(
             block_size=dataset.column("block_size"),
@@ -71,6 +73,7 @@ class Towers:
             offset=edges.offset.astype(np.int64),
             upper=edges.upper.astype(np.int64),
             lower=edges.lower.astype(np.int64),
+            block_twist=dataset.column("block_twist") if moving else None,
         )
 
     @classmethod
@@ -82,13 +85,14 @@ class Towers:
         level: Int[np.ndarray, "row block"],
         slot: Int[np.ndarray, "row block"],
         target: Int[np.ndarray, " row"],
+        twist: Float[np.ndarray, "row block 6"] | None = None,
     ) -> "Towers":
         """Towers in any poses: logged, live or predicted. Edges come from `jenga_data.graph`, as in the converter."""
         edges = [support_edges(p, s) for p, s in zip(pose, size, strict=True)]
         offset = np.cumsum([0, *(e.shape[1] for e in edges)])
         upper, lower = np.concatenate(edges, axis=1) if edges else np.zeros((2, 0), np.int64)
         level, slot = level.astype(np.int64), slot.astype(np.int64)
-        return cls(size, mass, pose, level, slot, target.astype(np.int64), offset, upper, lower)
+        return cls(size, mass, pose, level, slot, target.astype(np.int64), offset, upper, lower, twist)
 
     @classmethod
     def of_state(cls, state: TowerState, targets: Int[np.ndarray, " row"]) -> "Towers":

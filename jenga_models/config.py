@@ -144,6 +144,15 @@ class DynamicsTraining(Training):
     """Squared error, or squared up to huber_delta and linear beyond: collapses do not drown small motions."""
     huber_delta: float = 3.0
     """Where the Huber loss turns linear, in units of the displacement's scale."""
+    decoder_width: int = 48
+    """Numbers that the answer to a plan holds for a block and step (factored only)."""
+    horizon: int = 5
+    """Steps of the plans that it learns from and answers at a time (factored only)."""
+    mirror: bool = True
+    """See half of the batches in a mirror (factored only)."""
+    softness: float = 0.03
+    """The factored model's loss is the length of each error, squared below so many mm (a rotation 25 mm from the
+    centre): small motions count, and a falling block does not drown them."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -151,8 +160,24 @@ class DynamicsTraining(Training):
             raise JengaError(f"graph {self.graph!r} holds no action; dynamics needs one that does, such as G_e")
         if self.hidden_layers < 1:
             raise JengaError(f"hidden_layers is {self.hidden_layers}; allowed: 1 and more")
-        if not self.huber_delta > 0:
-            raise JengaError(f"huber_delta is {self.huber_delta}; allowed: above 0")
+        for name in ("huber_delta", "softness"):
+            if not getattr(self, name) > 0:
+                raise JengaError(f"{name} is {getattr(self, name)}; allowed: above 0")
+        for name in ("decoder_width", "horizon"):
+            if getattr(self, name) < 1:
+                raise JengaError(f"{name} is {getattr(self, name)}; allowed: 1 and more")
+        if self.model == "factored":
+            self._check_factored()
+        elif self.model == "gns" and "block_twist" in graph_spec(self.graph).node_features:
+            raise JengaError(f"graph {self.graph!r} holds velocities, which gns does not predict; allowed: G_e")
+
+    def _check_factored(self) -> None:
+        given = (self.graph, self.flow, self.edge_attributes, self.scale_features)
+        if given != ("G_e+motion", "down", False, False):
+            raise JengaError(
+                f"the factored model makes its own features: graph {given[0]!r}, flow {given[1]!r}, edge_attributes "
+                f"{given[2]}, scale_features {given[3]}; allowed: 'G_e+motion', 'down', False, False"
+            )
 
 
 SELECTION_PRESETS: dict[str, SelectionTraining] = {
@@ -195,18 +220,17 @@ SELECTION_PRESETS: dict[str, SelectionTraining] = {
 DYNAMICS_PRESETS: dict[str, DynamicsTraining] = {
     "paper": DynamicsTraining(train_on_validation=True),
     "best": DynamicsTraining(
+        graph="G_e+motion",
+        model="factored",
         width=64,
-        hidden_layers=1,
-        edge_memory=False,
-        flow="both",
-        edge_attributes=True,
-        scale_targets="role",
-        residual_to_action=True,
-        loss="huber",
-        learning_rate=1e-3,
+        scale_features=False,
+        learning_rate=2e-3,
+        weight_decay=1e-4,
         schedule="cosine",
         gradient_clip=1.0,
-        patience=20,
+        batch_size=32,
+        epochs=60,
+        patience=60,
     ),
     "fast": DynamicsTraining(
         width=32,

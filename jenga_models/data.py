@@ -60,9 +60,13 @@ class GraphData(LightningDataModule):
         validation: Int[np.ndarray, " validation"],
         batch_size: int,
         seed: int,
+        batches: Dataset[Batch] | None = None,
     ) -> None:
+        """Args:
+        batches: what gives a batch for some rows, where it is not `Batches` of the first three.
+        """
         super().__init__()
-        self._batches = Batches(store, featurizer, wanted)
+        self._batches = Batches(store, featurizer, wanted) if batches is None else batches
         self._train = EpochOrder(train, batch_size, seed)
         self._validation = EpochOrder(validation, 4 * batch_size, None)
 

@@ -34,6 +34,7 @@ def raw_nodes(spec: GraphSpec, towers: Towers) -> Float[Tensor, "row block featu
         level=towers.level,
         slot=towers.slot,
         target=towers.target,
+        block_twist=towers.block_twist,
     )
     return torch.from_numpy(np.ascontiguousarray(features, np.float32))
 
@@ -109,6 +110,7 @@ class Featurizer:
         target: Int[Tensor, " graph"],
         action: Float[Tensor, "graph 3"] | None = None,
         graph: Int[Tensor, " node"] | None = None,
+        lag: Float[Tensor, "graph 3"] | None = None,
     ) -> Graphs:
         """Normalise raw node features (SI) and actions [m], and derive edges; see `Graphs` for the two forms."""
         n = self.normalisation
@@ -120,6 +122,7 @@ class Featurizer:
             target=target,
             action=None if action is None or not self.spec.action else (action - n.action_mean) / n.action_scale,
             graph=graph,
+            lag=lag,
         )
 
     def attributes_of(

@@ -24,7 +24,10 @@ class Graphs:
     edge: Float[Tensor, "*#sample edge attribute"]
     target: Int[Tensor, " graph"]
     """Row on the node axis of each graph's target."""
-    action: Float[Tensor, "graph 3"] | None = None
+    action: Float[Tensor, "graph *horizon 3"] | None = None
+    """One action a graph, or a plan of several."""
+    lag: Float[Tensor, "graph 3"] | None = None
+    """How far the hand's set point is ahead of the hand [m], where a model asks for it: how hard it pulls."""
     graph: Int[Tensor, " node"] | None = None
     edge_mask: Float[Tensor, "*#sample edge"] | None = None
     """Messages are multiplied by it: 0 takes an edge out of a shared topology, for some samples or all."""

@@ -7,8 +7,10 @@ import torch
 from jaxtyping import Float, Int
 
 from jenga_data.errors import JengaError
+from jenga_models.ahead import answers_plans, plan_ahead, rows_of
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows, Towers, dataset_name
+from jenga_models.plans import lags
 from jenga_models.predict import opened
 from jenga_models.store import EpochOrder, GraphStore
 
@@ -45,6 +47,9 @@ def predict_dynamics(
     """
     checkpoint = opened(checkpoint, "dynamics")
     check_dataset(checkpoint, dataset)
+    if answers_plans(checkpoint):
+        towers = rows_of(Towers.of_dataset(dataset, moving=True), rows)
+        return advance(checkpoint, towers, dataset.column("action")[rows], lag=lags(dataset)[rows])
     return advance(checkpoint, Towers.of_dataset(dataset), dataset.column("action"), rows)
 
 
@@ -53,11 +58,17 @@ def advance(
     towers: Towers,
     action: Float[np.ndarray, "tower 3"],
     rows: Int[np.ndarray, " row"] | None = None,
+    lag: Float[np.ndarray, "tower 3"] | None = None,
 ) -> Float[np.ndarray, "row block 7"]:
     """The towers one control step on, each with its own topology; of all, or of some rows of them.
 
-    `action` is the displacement of the gripper in each tower [m].
+    `action` is the displacement of the gripper in each tower [m], `lag` how far its set point is ahead of it [m], for
+    models that ask for it.
     """
+    if answers_plans(checkpoint):
+        if rows is not None:
+            towers, action, lag = rows_of(towers, rows), action[rows], None if lag is None else lag[rows]
+        return plan_ahead(checkpoint, towers, action[:, None], lag).pose[:, 0]
     rows = np.arange(len(towers)) if rows is None else rows
     store = GraphStore.of(checkpoint.spec, towers, action)
     simulator, parts = checkpoint.simulator, [np.zeros((0, store.blocks, 7), np.float32)]
@@ -114,6 +125,9 @@ def rollout_dynamics(
     size, mass, pose, level, slot, target = (
         dataset.column(name)[first] for name in ("block_size", "block_mass", "block_pose", "level", "slot", "target")
     )
+    if answers_plans(checkpoint):
+        towers = rows_of(Towers.of_dataset(dataset, moving=True), first)
+        return plan_ahead(checkpoint, towers, dataset.column("action")[window], lags(dataset)[first]).pose
     action, poses = dataset.column("action"), []
     for step in range(window.shape[1]):
         towers = Towers.of_poses(size, mass, pose, level, slot, target)

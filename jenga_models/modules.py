@@ -13,7 +13,11 @@ from jenga_data.graph_spec import graph_spec
 from jenga_models.committee import Committee, mean_log_probability
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import Batch
+from jenga_models.factored import MOTION_UNIT
 from jenga_models.mirror import mirrored
+
+PLAN_WEIGHTS = (1.0, 0.5, 0.2)
+"""Of the errors of steps, of their sums and of velocities."""
 
 
 class _Module(LightningModule, ABC):
@@ -85,3 +89,26 @@ class DynamicsModule(_Module):
         if self.config.loss == "mse":
             return {"loss": functional.mse_loss(said, batch.wanted)}
         return {"loss": functional.huber_loss(said, batch.wanted, delta=self.config.huber_delta)}
+
+
+class PlanModule(_Module):
+    """Error of a block's motion over a plan: in each step, from the start on, and of its velocity after each step.
+
+    An error is a length, of the displacement or of the rotation at a lever; see `DynamicsTraining.softness`.
+    """
+
+    config: DynamicsTraining
+
+    def metrics(self, batch: Batch) -> dict[str, Tensor]:
+        said = self.network(batch.graphs)
+        motion, after, made = batch.wanted.split([6, 6, 1], dim=-1)
+        step = said[..., :6] - motion
+        errors = step, step.cumsum(1), said[..., 6:] - after
+        total = sum(w * self._length(error) for w, error in zip(PLAN_WEIGHTS, errors, strict=True))
+        return {"loss": (total * made[..., 0]).sum() / made.sum()}
+
+    def _length(self, error: Tensor) -> Tensor:
+        """Of displacement and rotation together [mm]."""
+        soft = self.config.softness
+        squares = (error / error.new_tensor(MOTION_UNIT)).unflatten(-1, (2, 3)).square().sum(-1)
+        return ((squares + soft * soft).sqrt() - soft).sum(-1)

@@ -11,6 +11,7 @@ from jenga_data.errors import JengaError
 from jenga_data.log.files import file_sha256, prediction_path
 from jenga_data.log.reader import read_episode
 from jenga_data.log.sidecar import read_prediction, write_prediction
+from jenga_models.ahead import answers_plans, plan_ahead
 from jenga_models.checkpoint import Checkpoint, load
 from jenga_models.columns import Towers
 from jenga_models.metrics import advance
@@ -61,7 +62,8 @@ def predict_one_step(checkpoint: Checkpoint | Path, episode: Episode) -> Predict
     """
     checkpoint = opened(checkpoint, "dynamics")
     frame, action = _actions(episode, 0)
-    pose = advance(checkpoint, _towers(episode, episode.pose[frame]), action)
+    towers = _towers(episode, episode.pose[frame], episode.twist[frame])
+    pose = advance(checkpoint, towers, action, lag=_lags(episode)[np.isin(episode.action_frame, frame)])
     return _prediction(checkpoint, ONE_STEP, episode, frame + 1, pose)
 
 
@@ -75,6 +77,12 @@ def predict_open_loop(checkpoint: Checkpoint | Path, episode: Episode, start: in
     frame, action = _actions(episode, start)
     run = np.arange(len(frame)) + frame[0] == frame  # up to the first gap between actions
     frame, action = frame[run], action[run]
+    if answers_plans(checkpoint):
+        at = frame[:1]
+        towers = _towers(episode, episode.pose[at], episode.twist[at])
+        lag = _lags(episode)[episode.action_frame == frame[0]]
+        pose = plan_ahead(checkpoint, towers, action[None], lag).pose[0]
+        return _prediction(checkpoint, OPEN_LOOP, episode, frame + 1, pose)
     poses = [episode.pose[frame[0]]]
     for now in action:
         poses.append(advance(checkpoint, _towers(episode, poses[-1][None]), now[None])[0])
@@ -105,7 +113,17 @@ def _actions(episode: Episode, start: int) -> tuple[Int[np.ndarray, " action"], 
     return frame, action
 
 
-def _towers(episode: Episode, pose: Float[np.ndarray, "row block 7"]) -> Towers:
+def _lags(episode: Episode) -> Float[np.ndarray, "action 3"]:
+    """How far the hand's set point is ahead of the hand before each action [m]; see `jenga_models.plans.lags`."""
+    after = np.minimum(episode.action_frame + 1, len(episode.pose) - 1)
+    target = episode.header.target
+    short = episode.action - (episode.pose[after, target, :3] - episode.pose[episode.action_frame, target, :3])
+    return np.cumsum(short, axis=0) - short
+
+
+def _towers(
+    episode: Episode, pose: Float[np.ndarray, "row block 7"], twist: Float[np.ndarray, "row block 6"] | None = None
+) -> Towers:
     header, rows = episode.header, len(pose)
 
     def each(values: np.ndarray) -> np.ndarray:
@@ -118,6 +136,7 @@ def _towers(episode: Episode, pose: Float[np.ndarray, "row block 7"]) -> Towers:
         each(header.layout.level),
         each(header.layout.slot),
         np.full(rows, header.target),
+        twist=twist,
     )
 
 

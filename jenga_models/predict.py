@@ -11,8 +11,10 @@ from torch import Tensor
 
 from jenga_data.errors import JengaError
 from jenga_data.tower import TowerState
+from jenga_models.ahead import poses_after
 from jenga_models.checkpoint import Checkpoint, Kind, load
 from jenga_models.columns import Towers
+from jenga_models.factored import Factored
 from jenga_models.features import feature_slices, raw_nodes
 from jenga_models.sweep import SweepClassifier
 
@@ -89,8 +91,10 @@ class LearnedDynamics:
         self._simulator = self.checkpoint.simulator.to(self.device)
         self._pose_columns = feature_slices(self.checkpoint.spec).get("block_pose")
 
-    def start(self, state: TowerState, target: int) -> None:
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
         """Fix the blocks, the topology and the target; the tower is turned so that its target lies along x.
+
+        `lag` is how far the hand's set point is ahead of the hand [m], for models that ask for it.
 
         Raises:
             JengaError: the target is no block of the tower.
@@ -105,16 +109,43 @@ class LearnedDynamics:
             state.layout.level[None],
             state.layout.slot[None],
             np.array([target]),
+            twist=state.twist[None],
         )
         self._node = raw_nodes(self.checkpoint.spec, towers)[0].to(self.device)
         self._upper, self._lower = (torch.tensor(end, device=self.device) for end in (towers.upper, towers.lower))
         self._target = torch.tensor([target], device=self.device)
         self._is_target = (torch.arange(blocks, device=self.device) == target).float()
+        self._pose = torch.tensor(state.pose, dtype=torch.float32, device=self.device)
+        if isinstance(self._model, Factored):
+            behind = torch.zeros(1, 3) if lag is None else torch.tensor(lag, dtype=torch.float32)[None]
+            graphs = self._featurizer.graphs(
+                self._node[None], self._upper, self._lower, self._target, lag=behind.to(self.device)
+            )
+            with torch.inference_mode():
+                self._look = self._model.look(graphs)
+
+    def rollout(self, actions: Float[Tensor, "sample horizon 3"]) -> Float[Tensor, "sample horizon+1 block 7"]:
+        """Poses now and after each action of every plan, all from the tower at `start` [m]."""
+        now = self._pose.expand(len(actions), -1, -1)
+        if not isinstance(self._model, Factored):
+            poses = [now]
+            for step in range(actions.shape[1]):
+                poses.append(self.step(poses[-1], actions[:, step]))
+            return torch.stack(poses, dim=1)
+        with torch.inference_mode():
+            motion, _ = self._model.answers(self._look, actions, None)
+            return torch.cat([now[:, None], poses_after(self._pose, motion)], dim=1)
 
     def step(
         self, pose: Float[Tensor, "sample block 7"], action: Float[Tensor, "sample 3"]
     ) -> Float[Tensor, "sample block 7"]:
-        """Poses one control step later, for each sample its own poses [m] and displacement of the gripper [m]."""
+        """Poses one control step later, for each sample its own poses [m] and displacement of the gripper [m].
+
+        Raises:
+            JengaError: the model answers whole plans, see `rollout`.
+        """
+        if isinstance(self._model, Factored):
+            raise JengaError(f"{self.checkpoint.path} answers whole plans and takes no single steps; use rollout")
         if self.device.type == "cpu" and len(pose) > CPU_SAMPLES:
             parts = zip(pose.split(CPU_SAMPLES), action.split(CPU_SAMPLES), strict=True)
             return torch.cat([self.step(*part) for part in parts])

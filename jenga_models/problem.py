@@ -4,13 +4,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
-from jaxtyping import Int
+from jaxtyping import Bool, Int
 from torch import Tensor
+from torch.utils.data import Dataset as TorchDataset
 
 from jenga_data.graph_spec import GraphSpec
 from jenga_models.columns import Rows, Towers
 from jenga_models.config import DynamicsTraining, SelectionTraining
+from jenga_models.data import Batch
+from jenga_models.features import Featurizer
 from jenga_models.normalisation import Normalisation
+from jenga_models.plans import PlanBatches, PlanTruth, lags, worth_learning
 from jenga_models.scaling import fit_features, fit_targets
 from jenga_models.simulator import Simulator
 from jenga_models.store import GraphStore
@@ -23,6 +27,10 @@ class Problem:
     store: GraphStore
     wanted: Tensor
     normalisation: Normalisation
+    batches: TorchDataset[Batch] | None = None
+    """What makes batches, where they are more than graphs and `wanted` of the same rows."""
+    keep: Bool[np.ndarray, " row"] | None = None
+    """Rows that are worth learning from; None is all."""
 
 
 def selection_problem(
@@ -38,6 +46,8 @@ def dynamics_problem(
     dataset: Rows, config: DynamicsTraining, spec: GraphSpec, train: Int[np.ndarray, " row"]
 ) -> Problem:
     """How does each block move? Scaled by the rows `train`."""
+    if config.model == "factored":
+        return plan_problem(dataset, config, spec)
     store = GraphStore.of(spec, Towers.of_dataset(dataset), dataset.column("action"))
     assert store.action is not None
     normalisation = fit_features(config, spec, store, train)
@@ -51,3 +61,12 @@ def dynamics_problem(
     normalisation = replace(normalisation, delta_mean=mean, delta_scale=scale)
     wanted = Simulator.of(normalisation, config.residual_to_action).output_for(*motion)
     return Problem(store, wanted, normalisation)
+
+
+def plan_problem(dataset: Rows, config: DynamicsTraining, spec: GraphSpec) -> Problem:
+    """What comes of a plan of several actions? Nothing is scaled by the rows: the model's units are millimetres."""
+    store = GraphStore.of(spec, Towers.of_dataset(dataset, moving=True), dataset.column("action"), lags(dataset))
+    normalisation = Normalisation.none(spec.node_width, 0)
+    featurizer = Featurizer(spec, config.flow, config.edge_attributes, normalisation)
+    batches = PlanBatches(store, featurizer, PlanTruth.of(dataset, config.horizon), config.mirror)
+    return Problem(store, torch.zeros(0), normalisation, batches, worth_learning(dataset))

@@ -3,7 +3,7 @@
     SELECTORS["mine"] = lambda config, widths: MyNetwork(widths.node)
 
 A selector maps `Graphs` to logits [graph, 2] of (holds, fails), a simulator to displacements [*sample, node, 7]
-in units of their scale.
+in units of their scale. One that has a method `look` answers whole plans: see `jenga_models.factored`.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from jenga_data.errors import JengaError
 from jenga_data.graph_spec import GraphSpec
 from jenga_models.committee import Committee
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
+from jenga_models.factored import Factored
 from jenga_models.features import feature_slices
 from jenga_models.gns import ACTION_WIDTH, GNS, InteractionClassifier, Widths
 from jenga_models.sweep import SweepClassifier
@@ -62,12 +63,16 @@ def _gns(config: DynamicsTraining, widths: Widths) -> nn.Module:
     )
 
 
+def _factored(config: DynamicsTraining, widths: Widths) -> nn.Module:
+    return Factored(config.width, config.layers, config.decoder_width)
+
+
 SELECTORS: dict[str, Callable[[SelectionTraining, Widths], nn.Module]] = {
     "gcn": _gcn,
     "interaction": _interaction,
     "sweep": _sweep,
 }
-SIMULATORS: dict[str, Callable[[DynamicsTraining, Widths], nn.Module]] = {"gns": _gns}
+SIMULATORS: dict[str, Callable[[DynamicsTraining, Widths], nn.Module]] = {"gns": _gns, "factored": _factored}
 
 
 def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:

@@ -25,9 +25,16 @@ class GraphStore:
     upper: Int[Tensor, " edge"]
     lower: Int[Tensor, " edge"]
     action: Float[Tensor, "row 3"] | None = None
+    lag: Float[Tensor, "row 3"] | None = None
 
     @classmethod
-    def of(cls, spec: GraphSpec, towers: Towers, action: Float[np.ndarray, "row 3"] | None = None) -> "GraphStore":
+    def of(
+        cls,
+        spec: GraphSpec,
+        towers: Towers,
+        action: Float[np.ndarray, "row 3"] | None = None,
+        lag: Float[np.ndarray, "row 3"] | None = None,
+    ) -> "GraphStore":
         return cls(
             node=raw_nodes(spec, towers),
             target=torch.tensor(towers.target),
@@ -35,6 +42,7 @@ class GraphStore:
             upper=torch.tensor(towers.upper),
             lower=torch.tensor(towers.lower),
             action=None if action is None else torch.tensor(action, dtype=torch.float32),
+            lag=None if lag is None else torch.tensor(lag, dtype=torch.float32),
         )
 
     def __len__(self) -> int:
@@ -73,6 +81,7 @@ class GraphStore:
             target=self.target[rows] + graph * self.blocks,
             action=None if self.action is None else self.action[rows],
             graph=graph.repeat_interleave(self.blocks),
+            lag=None if self.lag is None else self.lag[rows],
         )
 
 

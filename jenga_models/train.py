@@ -23,7 +23,7 @@ from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.data import GraphData
 from jenga_models.features import Featurizer
 from jenga_models.loop import fit
-from jenga_models.modules import DynamicsModule, SelectionModule
+from jenga_models.modules import DynamicsModule, PlanModule, SelectionModule
 from jenga_models.problem import Problem, dynamics_problem, selection_problem
 from jenga_models.registry import build
 from jenga_models.run_folder import RunFolder
@@ -64,7 +64,8 @@ def train_selection(dataset: Rows, config: SelectionTraining, out: Path, resume:
 def train_dynamics(dataset: Rows, config: DynamicsTraining, out: Path, resume: bool = False) -> TrainResult:
     """Train a simulator on the transitions of a dynamics dataset; otherwise like `train_selection`."""
     prepare = partial(dynamics_problem, dataset, config)
-    return _train("dynamics", dataset, config, Path(out), resume, prepare, DynamicsModule)
+    module = PlanModule if config.model == "factored" else DynamicsModule
+    return _train("dynamics", dataset, config, Path(out), resume, prepare, module)
 
 
 def _train(
@@ -87,6 +88,8 @@ def _train(
     spec = graph_spec(config.graph)
     problem = prepare(spec, train)
     featurizer = Featurizer(spec, config.flow, config.edge_attributes, problem.normalisation)
+    if problem.keep is not None:
+        train, validation = train[problem.keep[train]], validation[problem.keep[validation]]
     module = lightning(build(config, spec, featurizer.edge_width), config)
     data = GraphData(
         problem.store,
@@ -96,6 +99,7 @@ def _train(
         validation=validation,
         batch_size=config.batch_size,
         seed=config.seed,
+        batches=problem.batches,
     )
     log, best = MetricLog(folder.metrics), KeepBest(config.patience)
     try:

@@ -1,5 +1,6 @@
 """The arm as a carrier of the hand: inverse kinematics, planned paths and joint position control."""
 
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 
@@ -113,6 +114,11 @@ class Kinematics:
             )
         return Path(point, velocity, joint, rate)
 
+    def place(self, joint: Float[np.ndarray, "7"]) -> Float[np.ndarray, "3"]:
+        """Where these joint angles take the point between the fingertips [m]."""
+        self._configuration.update(joint)
+        return self._configuration.get_transform_frame_to_world("grasp", "site").translation()
+
     def torque(
         self, joint: Float[np.ndarray, "7"], velocity: Float[np.ndarray, "7"], acceleration: Float[np.ndarray, "7"]
     ) -> Float[np.ndarray, "7"]:
@@ -154,7 +160,8 @@ class Arm(Fingers):
         model = world.model
         self._kinematics = Kinematics(arm, gripper)
         self._drives = [model.actuator(f"joint_{i + 1}").id for i in range(JOINTS)]
-        qpos = [model.joint(f"joint_{i + 1}").qposadr[0] for i in range(JOINTS)]
+        self._qpos = qpos = [model.joint(f"joint_{i + 1}").qposadr[0] for i in range(JOINTS)]
+        self._qvel = [model.joint(f"joint_{i + 1}").dofadr[0] for i in range(JOINTS)]
         self._stiffness, self._damping = limits("stiffness"), limits("damping")
         world.data.qpos[qpos] = self._kinematics.home
         world.data.ctrl[self._drives] = self._kinematics.home
@@ -211,3 +218,27 @@ class Arm(Fingers):
         position, velocity, acceleration = self._joints.at(part)
         forward = self._damping * velocity + self._kinematics.torque(position, velocity, acceleration)
         self._world.data.ctrl[self._drives] = position + forward / self._stiffness
+
+    def remember(self) -> tuple[SetPoint, ...]:
+        """The set points between two periods, for `recall`."""
+        return copy(self._joints), copy(self._line)
+
+    def recall(self, memory: tuple[SetPoint, ...]) -> None:
+        self._joints, self._line = copy(memory[0]), copy(memory[1])
+
+    def take_up_rest(self) -> None:
+        """Find the set points of an arm that was put to rest some periods ago in the state of its drives."""
+        joint = self._world.data.ctrl[self._drives]
+        self._joints.stand(joint, np.zeros(JOINTS))
+        self._line.stand(self._kinematics.place(joint), np.zeros(3))
+
+    def forget(self, moving: bool) -> None:
+        """Take the set points to be where the arm is, going on as fast as it goes; or else stop arm and set points."""
+        data = self._world.data
+        if not moving:
+            data.qvel[self._qvel] = 0.0
+        joint, rate = data.qpos[self._qpos], data.qvel[self._qvel]
+        self._joints.stand(joint, rate)
+        place = self._kinematics.place(joint)
+        ahead = self._kinematics.place(joint + rate * PERIOD)
+        self._line.stand(place, (ahead - place) / PERIOD)

@@ -1,5 +1,7 @@
 """A gripper that floats: three force-limited slides carry the hand in place of an arm."""
 
+from copy import copy
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -38,6 +40,7 @@ class Gripper(Fingers):
     def __init__(self, world: World, config: GripperConfig) -> None:
         super().__init__(world, config)
         self._slides = [world.model.actuator(f"hand_{axis}").id for axis in "xyz"]
+        self._qvel = [world.model.joint(f"hand_{axis}").dofadr[0] for axis in "xyz"]
         self._origin = self.position
         self._lead = 2 * np.sqrt(config.mass / config.stiffness)  # damping over stiffness [s]
         self._set_point = SetPoint(self.position)
@@ -59,3 +62,20 @@ class Gripper(Fingers):
         """
         position, velocity, _ = self._set_point.at(part)
         self._world.data.ctrl[self._slides] = position - self._origin + self._lead * velocity
+
+    def remember(self) -> tuple[SetPoint, ...]:
+        """The set point between two periods, for `recall`."""
+        return (copy(self._set_point),)
+
+    def recall(self, memory: tuple[SetPoint, ...]) -> None:
+        self._set_point = copy(memory[0])
+
+    def take_up_rest(self) -> None:
+        """Find the set point of a hand that was put to rest some periods ago in the state of its drives."""
+        self._set_point.stand(self._world.data.ctrl[self._slides] + self._origin, np.zeros(3))
+
+    def forget(self, moving: bool) -> None:
+        """Take the set point to be where the hand is, going on as fast as it goes; or else stop hand and set point."""
+        if not moving:
+            self._world.data.qvel[self._qvel] = 0.0
+        self._set_point.stand(self.position, self._world.data.qvel[self._qvel])

@@ -26,6 +26,11 @@ class SetPoint:
         self._from, self._from_velocity = self.knot, self.knot_velocity
         self.knot, self.knot_velocity = np.asarray(knot, float), np.asarray(velocity, float)
 
+    def stand(self, position: Float[np.ndarray, " axis"], velocity: Float[np.ndarray, " axis"]) -> None:
+        """Be at `position` with `velocity` [per s] when the next period starts."""
+        self.knot = self._from = np.array(position, float)
+        self.knot_velocity = self._from_velocity = np.array(velocity, float)
+
     def stop(self, part: float) -> None:
         """Stay at once where the set point is at `part` of the running period, for an emergency."""
         position, _, _ = self.at(part)

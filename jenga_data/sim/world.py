@@ -136,6 +136,13 @@ class World:
         self.data.qvel[self._qvel] = 0.0
         mujoco.mj_forward(self.model, self.data)
 
+    def set_twist(self, twist: Float[np.ndarray, "block 6"]) -> None:
+        """Give the blocks other velocities, in the world as of `twist` [m/s, rad/s]."""
+        rotation = rotation_matrices(self.data.qpos[self._qpos][:, 3:])
+        self.data.qvel[self._qvel[:, :3]] = twist[:, :3]
+        self.data.qvel[self._qvel[:, 3:]] = np.einsum("bji,bj->bi", rotation, twist[:, 3:])
+        mujoco.mj_forward(self.model, self.data)
+
     def move_asleep(
         self, pose: Float[np.ndarray, "block 7"], twist: Float[np.ndarray, "block 6"], table: tuple[float, float]
     ) -> None:

@@ -7,6 +7,7 @@ import torch
 from made_up_dataset import dynamics_dataset, selection_dataset, untrained
 
 from jenga_control.dynamics import target_moves
+from jenga_control.dynamics_figure import draw_towers, telling
 from jenga_control.evaluate_dynamics import (
     HORIZONS,
     Predictions,
@@ -186,3 +187,15 @@ def test_refuses_a_dataset_of_pulls_and_one_without_test_rows(tmp_path):
     dataset.splits[:] = "train"
     with pytest.raises(JengaError, match="has no test rows"):
         evaluate_dynamics(model, dataset)
+
+
+def test_the_figure_shows_towers_of_different_motion_from_the_median_on(tmp_path):
+    moved = np.array([0.1, 5.0, 0.2, 3.0, 0.4, 0.3, 1.0])
+    tower = np.array(["a", "a", "b", "c", "d", "e", "f"])
+    chosen = telling(moved, tower, 3)
+    assert chosen[-1] == 1
+    assert (np.diff(moved[chosen]) > 0).all()
+    assert len(set(tower[chosen])) == 3
+    dataset = dynamics_dataset()
+    path = draw_towers(untrained(tmp_path / "gns", TRIVIAL, dataset), dataset, tmp_path / "towers.png")
+    assert path.read_bytes().startswith(b"\x89PNG")

@@ -96,6 +96,9 @@ def test_a_batch_of_towers_is_a_loop():
 # --- nodes ---------------------------------------------------------------------------------------------------------
 
 
+TWIST = np.random.default_rng(2).normal(size=(len(SMALL.pose), 6))
+
+
 def features(spec: GraphSpec, target: int, batch: tuple[int, ...] = ()) -> np.ndarray:
     def repeat(values: np.ndarray) -> np.ndarray:
         return np.broadcast_to(values, (*batch, *values.shape))
@@ -108,6 +111,7 @@ def features(spec: GraphSpec, target: int, batch: tuple[int, ...] = ()) -> np.nd
         level=repeat(SMALL.layout.level),
         slot=repeat(SMALL.layout.slot),
         target=np.full(batch, target),
+        block_twist=repeat(TWIST),
     )
 
 
@@ -130,9 +134,13 @@ def test_node_features_stand_in_the_order_of_the_spec(spec):
 
 def test_node_features_hold_what_their_names_say():
     every = GraphSpec(
-        "every", ("block_size", "block_mass", "block_pose", "target_flag", "level", "slot", "orientation")
+        "every",
+        ("block_size", "block_mass", "block_pose", "target_flag", "level", "slot", "orientation", "block_twist"),
     )
-    size, mass, pose, flag, level, slot, orientation = np.split(features(every, 4), [3, 4, 11, 12, 13, 16], axis=1)
+    size, mass, pose, flag, level, slot, orientation, twist = np.split(
+        features(every, 4), [3, 4, 11, 12, 13, 16, 17], axis=1
+    )
+    np.testing.assert_array_equal(twist, TWIST)
     np.testing.assert_array_equal(size, SMALL.blocks.size)
     np.testing.assert_array_equal(mass[:, 0], SMALL.blocks.mass)
     np.testing.assert_array_equal(pose, SMALL.pose)
@@ -165,12 +173,13 @@ def test_the_graphs_of_the_paper():
     assert set(GRAPHS["G_s"].node_features) == {"block_size", "block_mass", "target_flag"}
     assert set(GRAPHS["G_sp"].node_features) == {*GRAPHS["G_s"].node_features, "block_pose"}
     assert set(GRAPHS["G_e"].node_features) == {"block_mass", "block_pose", "target_flag"}
-    assert [spec.action for spec in GRAPHS.values()] == [name == "G_e" for name in GRAPHS]
-    assert {name: graph_spec(name).node_width for name in GRAPHS} == {"G_s": 5, "G_sp": 12, "G_s+layout": 10, "G_e": 9}
+    assert [spec.action for spec in GRAPHS.values()] == [name.startswith("G_e") for name in GRAPHS]
+    widths = {"G_s": 5, "G_sp": 12, "G_s+layout": 10, "G_e": 9, "G_e+motion": 18}
+    assert {name: graph_spec(name).node_width for name in GRAPHS} == widths
 
 
 def test_an_unknown_graph_is_refused_with_the_known_ones():
-    with pytest.raises(JengaError, match=r"'G_x'; allowed: G_s, G_sp, G_s\+layout, G_e$"):
+    with pytest.raises(JengaError, match=r"'G_x'; allowed: G_s, G_sp, G_s\+layout, G_e, G_e\+motion$"):
         graph_spec("G_x")
 
 

@@ -21,7 +21,7 @@ WITH_SIZES = GraphSpec("G_e and sizes", ("block_size", "block_mass", "target_fla
 
 
 def fitted(spec: GraphSpec, data: FakeDataset) -> tuple[Featurizer, GraphStore]:
-    config = replace(DYNAMICS_PRESETS["best"], graph="G_e")
+    config = replace(DYNAMICS_PRESETS["fast"], graph="G_e")
     store = GraphStore.of(spec, Towers.of_dataset(data), data.column("action"))
     return Featurizer(spec, config.flow, True, fit_features(config, spec, store, data.rows("train"))), store
 
