@@ -1,6 +1,7 @@
 """What is written is what rerun reads back, fast; and a viewer without a window really draws it."""
 
 import os
+import re
 import subprocess
 import sys
 import time
@@ -164,6 +165,18 @@ def test_two_thousand_frames_take_less_than_five_seconds(tmp_path: Path) -> None
 def test_a_recording_that_cannot_be_written_is_one_clear_line(episode: Episode, tmp_path: Path) -> None:
     with pytest.raises(JengaError, match=r"cannot write .*No such file"):
         write_rrd(episode, [], tmp_path / "missing" / "a.rrd")
+
+
+def test_rerun_has_one_door() -> None:
+    root = Path(rerun_adapter.__file__).parents[2]
+    sources = [p for room in ("jenga_data", "jenga_models", "jenga_control") for p in (root / room).rglob("*.py")]
+    using = {
+        p.relative_to(root).as_posix() for p in sources if re.search(r"^(import|from) rerun\b", p.read_text(), re.M)
+    }
+    inside = {name for name in using if name.startswith("jenga_data/replay/recording/")}
+    assert using - inside == {"jenga_data/replay/rerun_adapter.py"}
+    parts = [p for p in sources if "replay.recording" in p.read_text() and p.parent.name != "recording"]
+    assert [p.name for p in parts] == ["rerun_adapter.py"]
 
 
 def test_only_the_adapter_imports_rerun() -> None:
