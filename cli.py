@@ -45,7 +45,10 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
         "how fast the parts are (sim, robot, log, loader, convert, control, replay)",
         lambda _: bench() | bench_models() | bench_control(),
     ),
-    "report": ("what logs and models show (touch, selection, extraction)", lambda _: report_logs() | report_models()),
+    "report": (
+        "what logs and models show (touch, selection, extraction, figures, page)",
+        lambda _: report_logs() | report_models(),
+    ),
 }
 
 

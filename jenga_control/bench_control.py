@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import perf_counter
+from time import perf_counter, process_time
 from typing import Any
 
 import numpy as np
@@ -20,6 +20,7 @@ from jenga_data.collect.branches import Trunk
 from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig
 from jenga_data.collect.extraction import View
 from jenga_data.errors import JengaError
+from jenga_data.report import number
 from jenga_models.predict import LearnedDynamics
 
 DECISIONS_A_SECOND = 30.0
@@ -30,12 +31,23 @@ OURS, COMPOSED = 20, 2
 
 
 @dataclass(frozen=True)
-class Rates:
-    """Seconds a decision on one tower at its grasp."""
+class Spent:
+    """What a decision takes [s]: by the clock, and in CPU time of all threads, which other work hardly changes."""
 
-    ours: float
-    composed: float | None
-    simulator: float
+    wall: float
+    cpu: float
+
+    def times(self, factor: float) -> "Spent":
+        return Spent(self.wall * factor, self.cpu * factor)
+
+
+@dataclass(frozen=True)
+class Rates:
+    """A decision on one tower at its grasp."""
+
+    ours: Spent
+    composed: Spent | None
+    simulator: Spent
     edges_a_graph: float
 
 
@@ -53,23 +65,23 @@ class _Stopwatch:
             slow = self._seconds(composed, COMPOSED)
         except JengaError:  # a model that takes no single steps
             slow = None
-        share = simulator_samples / self._search.samples
-        simulated = self._seconds(Simulated(threads), 1, simulator_samples) / share
+        more = self._search.samples / simulator_samples
+        simulated = self._seconds(Simulated(threads), 1, simulator_samples).times(more)
         composed.start(self._state, self._target)
         graph = composed.compose(self._state.pose[None], np.zeros((1, 3)))
         return Rates(ours, slow, simulated, graph.edge_index.shape[1])
 
-    def _seconds(self, dynamics: Dynamics, count: int, samples: int = 0) -> float:
+    def _seconds(self, dynamics: Dynamics, count: int, samples: int = 0) -> Spent:
         """A decision's time, over `count` of them after one to warm up; a single one is timed at once."""
         search = replace(self._search, samples=samples or self._search.samples)
         policy = MPPIPolicy(search, CostConfig(), dynamics, np.random.default_rng(0))
         policy.enter(self._view)
         if count > 1:
             policy.act(self._state, self._target)
-        began = perf_counter()
+        wall, cpu = perf_counter(), process_time()
         for _ in range(count):
             policy.act(self._state, self._target)
-        return (perf_counter() - began) / count
+        return Spent(perf_counter() - wall, process_time() - cpu).times(1 / count)
 
 
 def bench_control(
@@ -113,8 +125,12 @@ def bench_control(
 def _report(
     rates: Sequence[Rates], model: LearnedDynamics, search: MPPIConfig, threads: int, device: str, samples: int
 ) -> dict[str, Any]:
-    ours, simulator = (float(np.mean([getattr(rate, name) for rate in rates])) for name in ("ours", "simulator"))
-    slow = [rate.composed for rate in rates if rate.composed is not None]
+    spent = {
+        name: [found for rate in rates if (found := getattr(rate, name)) is not None]
+        for name in ("ours", "composed", "simulator")
+    }
+    mean = {name: float(np.mean([one.wall for one in found])) for name, found in spent.items() if found}
+    ours, simulator = mean["ours"], mean["simulator"]
     where = f"{device}, {threads} threads"
     speeds = {
         "decisions": _speed(f"our loop, {where}, beside the paper's", ours, 1 / DECISIONS_A_SECOND, len(rates), 1.0),
@@ -122,10 +138,9 @@ def _report(
             "our loop beside the simulator as model", ours, simulator, len(rates), SIMULATOR_RATIO
         ),
     }
-    if slow:
-        composed = float(np.mean(slow))
+    if "composed" in mean:
         speeds["against_composed"] = _speed(
-            "beside graphs composed for each sample and step", ours, composed, len(rates), COMPOSED_RATIO
+            "beside graphs composed for each sample and step", ours, mean["composed"], len(rates), COMPOSED_RATIO
         )
     settings = {
         "samples": search.samples,
@@ -134,11 +149,14 @@ def _report(
         "device": device,
         "simulator_samples": samples,
         "model": model.checkpoint.hash,
+        "cpu_ms": {name: 1e3 * float(np.mean([one.cpu for one in found])) for name, found in spent.items() if found},
         "edges_a_graph": float(np.mean([rate.edges_a_graph for rate in rates])),
     }
     text = speed_table(speeds) + (
         f"\nA decision: {search.samples} samples of {search.horizon} steps. The simulator was given {samples} samples, "
-        f"its time multiplied by {search.samples / samples:g}.\n"
+        f"its time multiplied by {search.samples / samples:g}. CPU time of a decision: "
+        + ", ".join(f"{name} {number(value)} ms" for name, value in settings["cpu_ms"].items())
+        + ".\n"
     )
     return {name: speed.as_dict() for name, speed in speeds.items()} | settings | {"text": text}
 

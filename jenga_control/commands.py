@@ -149,8 +149,8 @@ def evaluate() -> dict[str, Verb]:
             out: folder of the logs; the same command goes on where it was interrupted.
             model: folders of dynamics checkpoints; the objective "full" needs one, and is evaluated with each.
             objective: MPPI on O_a + O_d (full) or on O_a alone (naive), a straight pull (straight-0.15, in m/s), or
-                hindsight, the best of many pulls; full-paper, full-best and full-simulator say what the options
-                below do. The first is reported, the others are its baselines from the same grasp.
+                hindsight (hindsight-12), the best of 8 (12) pulls; full-paper, full-best and full-simulator say what
+                the options below do. The first is reported, the others are its baselines from the same grasp.
             dynamics: what predicts the tower for the objective "full".
             towers: how many.
             preset: of the search; the paper's clips what it executes, the best one samples within the limits.
@@ -289,7 +289,34 @@ def report() -> dict[str, Verb]:
         found = report_figures(out, selection, extraction, models, read_results(results))
         return Shown(json, found, f"{found.pop('text')}\nwritten: {', '.join(found['written'])}")
 
-    return {"selection": selection, "extraction": extraction, "figures": figures}
+    def page(
+        out: Path,
+        results: tuple[Path, ...] = (),
+        selection: MaybePath = None,
+        extraction: MaybePath = None,
+        models: tuple[Path, ...] = (),
+        json: Json = False,
+    ) -> Shown:
+        """One HTML page over everything that was measured, beside the paper; it measures nothing itself.
+
+        Args:
+            out: folder of report.html, which needs no other file; figures are drawn beside it if logs are given.
+            results: folders (or files) with the JSON of calibrate, bench, eval, report and of datasets (manifest.json).
+            selection: folder of selection logs, or of a selection dataset, for the figures.
+            extraction: folder of extraction logs, for the figures.
+            models: folders of checkpoints, for the figures.
+        """
+        from jenga_control.summary.figures import report_figures
+        from jenga_control.summary.page import report_page
+        from jenga_control.summary.results import read_results
+
+        measured = read_results(results)
+        drawn = report_figures(out, selection, extraction, models, measured)
+        found = report_page(out, measured, drawn)
+        verdicts = [f"{verdict:>30}  {claim}" for claim, verdict in found["findings"].items()]
+        return Shown(json, found, "\n".join([*verdicts, found["page"]]))
+
+    return {"selection": selection, "extraction": extraction, "figures": figures, "page": page}
 
 
 def replay(

@@ -4,6 +4,8 @@
 (section II-C). It is here to be measured, `jenga bench control`; `jenga_control.dynamics.Learned` does without.
 """
 
+from typing import Any
+
 import numpy as np
 import torch
 from jaxtyping import Float
@@ -35,8 +37,8 @@ class Composed:
                 poses.append(self._advanced(batch, poses[-1]))
         return np.stack(poses, axis=1)
 
-    def compose(self, pose: Float[np.ndarray, "sample block 7"], action: Float[np.ndarray, "sample 3"]) -> Batch:
-        """The graphs of one step as torch_geometric batches them."""
+    def compose(self, pose: Float[np.ndarray, "sample block 7"], action: Float[np.ndarray, "sample 3"]) -> Any:
+        """The graphs of one step as torch_geometric batches them: a `Batch`, whose attributes have no types."""
         return Batch.from_data_list([self._graph(p, a) for p, a in zip(pose, action, strict=True)])
 
     def _graph(self, pose: Float[np.ndarray, "block 7"], action: Float[np.ndarray, "3"]) -> Data:
@@ -49,7 +51,7 @@ class Composed:
         nodes = raw_nodes(self._checkpoint.spec, tower)[0]
         return Data(x=nodes, edge_index=edges, action=torch.tensor(action, dtype=torch.float32)[None])
 
-    def _advanced(self, batch: Batch, pose: Float[np.ndarray, "sample block 7"]) -> Float[np.ndarray, "sample block 7"]:
+    def _advanced(self, batch: Any, pose: Float[np.ndarray, "sample block 7"]) -> Float[np.ndarray, "sample block 7"]:
         samples, blocks, _ = pose.shape
         target: Tensor = batch.ptr[:-1] + self._target
         graphs = self._checkpoint.featurizer.to(self._device).graphs(

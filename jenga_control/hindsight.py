@@ -21,7 +21,7 @@ PULLS = (
 )  # fmt: skip
 """Tried one after the other at speeds in m/s, noisy ones with the data's noise on every axis, until one gets the
 block out without dragging another; if none does, the best is the one that got it out, and then the one that moved the
-other blocks least."""
+other blocks least. The first eight are the default."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Hindsight:
     """A way to pull that nobody has: it tries each of `pulls` from the same state and keeps the best."""
 
     config: ExtractionConfig
-    pulls: tuple[str, ...] = PULLS
+    pulls: tuple[str, ...] = PULLS[:8]
 
     def __post_init__(self) -> None:
         if len(self.pulls) < 8:

@@ -65,12 +65,14 @@ class Table:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture. `alt` says what it shows to those who do not see it; `embed` puts it into the page itself."""
+    """A picture. `alt` says what it shows to those who do not see it; `embed` puts it into the page itself,
+    `small` side by side with its neighbours."""
 
     path: Path
     alt: str
     caption: str = ""
     embed: bool = False
+    small: bool = False
     kind: ClassVar[str] = "figure"
 
 

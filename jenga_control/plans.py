@@ -12,7 +12,7 @@ import msgspec
 import numpy as np
 
 from jenga_control.cost import CostConfig
-from jenga_control.dynamics import Learned
+from jenga_control.dynamics import Dynamics, Learned, NothingMoves
 from jenga_control.extraction import MPPIPolicy
 from jenga_control.mppi import MPPIConfig
 from jenga_control.mppi import Plan as Decision
@@ -72,8 +72,13 @@ def _policy(
         cost = msgspec.convert(settings["cost"], CostConfig)
     except (msgspec.ValidationError, KeyError) as error:
         return None, f"not shown: the log's controller is none of this version ({error})"
-    dynamics = None
-    if cost.needs_dynamics:
+    if "touch" in settings:
+        return None, "not shown: the pull heeds touch, and what that changed is not computed again"
+    kind = settings.get("dynamics", "learned")
+    if kind == "simulator" and cost.needs_dynamics:
+        return None, "not shown: the simulator was the model, which takes minutes to ask again"
+    dynamics: Dynamics | None = NothingMoves() if kind == "trivial" else None
+    if cost.needs_dynamics and kind == "learned":
         own = next((c for c in checkpoints if c.hash == header.checkpoint), None)
         if own is None:
             return None, f"not shown: give the checkpoint that acted, {header.checkpoint[:12]}, with --model"

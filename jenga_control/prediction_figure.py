@@ -11,19 +11,20 @@ from jenga_data.figures.scenes import Row, Scene, rows_figure
 from jenga_data.palette import block_colours, error_colours
 from jenga_data.replay.measures import (
     MM,
-    error_scale,
     others,
     position_error,
     root_mean_square,
+    round_scale,
     standing_still_error,
 )
-from jenga_data.replay.summary import outcome_words, target_words
+from jenga_data.replay.summary import target_words
 
 
 def prediction_figure(pairs: Sequence[tuple[Episode, Prediction]]) -> Figure:
     """A row an episode: where the open loop starts, the truth after its last step, and the prediction in the colours
     of its error. Call it with the project's style applied."""
-    scale = max(error_scale(episode, prediction) for episode, prediction in pairs)
+    last = [np.percentile(position_error(episode, prediction)[-1], 98) for episode, prediction in pairs]
+    scale = round_scale(max(*last, 1e-4))
     return rows_figure([_row(episode, prediction, scale) for episode, prediction in pairs], scale)
 
 
@@ -61,7 +62,6 @@ def _row(episode: Episode, prediction: Prediction, scale: float) -> Row:
         Scene(prediction.pose[-1], by_error, words),
     ]
     header = episode.header
-    title = (
-        f"{outcome_words(episode)}; {target_words(header)}, round {header.round}; {len(prediction.frame)} steps ahead"
-    )
+    outcome = episode.result.verdict.outcome if episode.result else "unknown"
+    title = f"{outcome}; {target_words(header)}, round {header.round}; {len(prediction.frame)} steps ahead"
     return Row(title, header.blocks.size, scenes)

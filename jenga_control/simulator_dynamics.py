@@ -67,7 +67,11 @@ class Simulated:
         return self._batch
 
     def rollout(self, actions: Float[np.ndarray, "sample horizon 3"]) -> Float[np.ndarray, "sample horizon+1 block 7"]:
-        """A plan that the arm cannot make predicts NaN."""
+        """A plan that the arm cannot make predicts NaN.
+
+        Raises:
+            UnreachableError: it can make none of them.
+        """
         view = self._view
         assert view is not None
         samples, horizon, _ = actions.shape
@@ -79,6 +83,8 @@ class Simulated:
                 control[sample] = self._hand.preview(plan, steps)
             except UnreachableError:
                 reached[sample] = False
+        if not reached.any():
+            raise UnreachableError("the arm can make none of the plans")
         batch = self._batch_of(samples)
         batch.state[:] = self._state
         spec = int(mujoco.mjtState.mjSTATE_CTRL)

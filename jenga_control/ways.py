@@ -7,7 +7,7 @@ from pathlib import Path
 import jenga_models
 from jenga_control.cost import CostConfig
 from jenga_control.extraction import DYNAMICS, ClosedLoop
-from jenga_control.hindsight import Hindsight, pull_speed
+from jenga_control.hindsight import PULLS, Hindsight, pull_speed
 from jenga_control.mppi import PRESETS, mppi_preset
 from jenga_control.touch_pull import TouchConfig
 from jenga_data.collect.branches import Branch, Trunk
@@ -51,8 +51,8 @@ def ways(names: Sequence[str], choices: Choices) -> dict[str, Way]:
 
 def _ways_of(name: str, choices: Choices) -> dict[str, Way]:
     kind, *rest = name.split("-")
-    if name == "hindsight":
-        return {name: Hindsight(choices.config)}
+    if kind == "hindsight" and len(rest) <= 1:
+        return {name: Hindsight(choices.config, PULLS[: _count(rest[0])] if rest else PULLS[:8])}
     naive = CostConfig(objective="naive")
     if kind == "straight" and len(rest) <= 1:
         speed = pull_speed(rest[0]) if rest else ClosedLoop.speed
@@ -70,6 +70,13 @@ def _ways_of(name: str, choices: Choices) -> dict[str, Way]:
         search = replace(search, samples=samples, horizon=horizon)
     full = ClosedLoop(choices.config, kind, search, CostConfig(), dynamics=dynamics, touch=choices.touch)
     return _with_models(name, full, choices.models) if dynamics == "learned" else {name: full}
+
+
+def _count(text: str) -> int:
+    """How many pulls hindsight has."""
+    if not (text.isdecimal() and int(text) <= len(PULLS)):
+        raise JengaError(f"hindsight of {text!r} pulls; allowed: 8 to {len(PULLS)}, e.g. hindsight-{len(PULLS)}")
+    return int(text)
 
 
 def pretrained_dynamics() -> tuple[Path, ...]:

@@ -1,6 +1,7 @@
 """The two tables of the paper with ours beside them: what was measured, or the command that measures it."""
 
 from dataclasses import dataclass
+from textwrap import fill
 from typing import Any
 
 from matplotlib.axes import Axes
@@ -70,7 +71,7 @@ _GRAPHS = {
 _OBJECTIVES = {
     "naive": "O_a alone",
     "full": "O_a + O_d",
-    "straight": "straight pull at one speed (trivial, not in the paper)",
+    "straight": "straight pull (trivial, not in the paper)",
 }
 
 
@@ -127,7 +128,7 @@ def extraction_table(results: Results) -> PaperTable:
     """Table II: success by objective, and the straight pull."""
     title, quantity = "Table II: block extraction", "blocks extracted while the tower stands"
     paper = {name: of_counts(*counts) for name, counts in PAPER_EXTRACTION.items()}
-    result = results.best("extraction")
+    result = results.best("extraction") or results.best("extraction_report")
     if result is None:
         lines = tuple(Line(_OBJECTIVES[name], paper[name], None) for name in paper)
         return PaperTable(title, quantity, lines, missing=EXTRACTION_COMMAND)
@@ -138,15 +139,20 @@ def extraction_table(results: Results) -> PaperTable:
             continue
         own = ways.get(name)
         hz = (own or {}).get("control_hz")
-        note = f"{hz:.1f} decisions a second" if hz else ""
+        note = f"decides at {hz:.1f} Hz" if hz and name != "straight" else ""
         lines.append(Line(label, paper.get(name), own["success"] if own else None, note, name != "straight"))
     others = [(name, own) for name, own in ways.items() if name not in _OBJECTIVES]
-    lines += [Line(name, None, own["success"], "not in the paper") for name, own in others]
+    for name, own in others:
+        best = name.startswith("hindsight")
+        note = "ceiling: the best of several pulls, chosen in hindsight" if best else "not in the paper"
+        lines.append(Line(name, None, own["success"], note, not (best or name.startswith("straight"))))
     return PaperTable(title, quantity, tuple(lines), str(result.path), EXTRACTION_COMMAND)
 
 
 def by_way(report: dict[str, Any]) -> dict[str, dict[str, Any]]:
-    """Every way to pull of an evaluation by its name: the one that is reported, and its baselines."""
+    """Every way to pull of an evaluation, or of a report of several, by its name."""
+    if "ways" in report:
+        return {name: own for name, own in report["ways"].items() if "success" in own}
     first = str(report["objective"])
     ways = {"straight" if first.startswith("straight") else first: report}
     return ways | {name: own for name, own in report["baselines"].items() if "success" in own}
@@ -162,7 +168,7 @@ def tables_figure(tables: list[PaperTable]) -> Figure:
     handles = [
         grid[0].plot([], [], "D", color=MUTED_INK, label="the paper")[0],
         grid[0].plot([], [], "o", color=BLUE, label="ours")[0],
-        grid[0].plot([], [], "s", color=VERMILLION, label="ours, no model of the paper")[0],
+        grid[0].plot([], [], "s", color=VERMILLION, label="ours: baseline or ceiling")[0],
     ]
     figure.legend(handles=handles, loc="outside upper center", ncols=3)
     return figure
@@ -173,18 +179,18 @@ def _draw(axes: Axes, table: PaperTable) -> None:
     for y, line in zip(places, table.lines, strict=True):
         look = ("o", BLUE) if line.is_model else ("s", VERMILLION)
         shifts = (0.17, -0.17) if line.paper else (0.0, 0.0)
-        for shift, value, (marker, colour) in zip(
-            shifts, (line.paper, line.ours), (("D", MUTED_INK), look), strict=True
-        ):
+        looks = (("D", MUTED_INK), look)
+        for shift, value, (marker, colour) in zip(shifts, (line.paper, line.ours), looks, strict=True):
             if value is None or value.get("rate") is None:
                 continue
-            axes.hlines(y + shift, *value["ci95"], color=colour)
-            axes.plot(value["rate"], y + shift, marker, color=colour)
-            axes.text(1.01, y + shift, number(value), transform=axes.get_yaxis_transform(), va="center", fontsize=11)
+            low, high = zip(value["ci95"], value.get("ci95_towers") or value["ci95"], strict=True)
+            axes.hlines(y + shift, min(low), max(high), color=colour)
+            axes.plot(value["rate"], y + shift, marker, color=colour, clip_on=False, zorder=3)
+            axes.text(1.03, y + shift, number(value), transform=axes.get_yaxis_transform(), va="center", fontsize=11)
         if line.paper and not line.ours:
-            axes.text(1.01, y - 0.17, "ours: not measured", transform=axes.get_yaxis_transform(), va="center",
+            axes.text(1.03, y - 0.17, "ours: not measured", transform=axes.get_yaxis_transform(), va="center",
                       fontsize=11, color=MUTED_INK)  # fmt: skip
-    axes.set_yticks(places, [line.name for line in table.lines])
+    axes.set_yticks(places, [fill(line.name, 24) for line in table.lines])
     axes.set(xlim=(0.0, 1.0), ylim=(places[-1] - 0.6, 0.6), xlabel=f"{table.quantity}, 95 % interval")
     axes.set_title(table.title, loc="left")
     axes.grid(visible=False, axis="y")

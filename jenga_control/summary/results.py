@@ -22,6 +22,7 @@ KINDS: dict[str, frozenset[str]] = {
     "selection": frozenset({"accuracy", "auroc", "majority", "model"}),
     "dynamics": frozenset({"one_step", "rollout_5", "rollout_51"}),
     "extraction": frozenset({"success", "objective", "baselines"}),
+    "extraction_report": frozenset({"ways", "best_straight", "any"}),
     "touch": frozenset({"erraticness", "auroc_same_speed"}),
 }
 """Every kind of result by keys that only it has, whatever its file is called."""

@@ -13,8 +13,8 @@ from jenga_data.sim.arm import Path
 
 TURN_BACK = 0.0015
 """The slow push turns back when another block has moved by more [m]..."""
-GIVE_UP = 0.004
-"""...and tapping ends for good; a push that moves one by 5 mm has dragged it."""
+GIVE_UP = 0.012
+"""...and tapping ends for good, short of the 15 mm that count as dragged: what is not pushed out is not pulled out."""
 TAP_SPEED = 0.25
 """Of the stick in a tap [m/s], five times that of the push."""
 TAP = 0.005
@@ -23,8 +23,7 @@ _X = np.eye(3)[0]
 _RUN_UP = 0.012
 """A tap starts so far in front of the block [m]."""
 TAPS = 8
-ENOUGH = 0.013
-"""The target is pushed out far enough to be grasped [m]."""
+"""At most."""
 
 SETTINGS = {"turn_back": TURN_BACK, "give_up": GIVE_UP, "tap_speed": TAP_SPEED, "tap": TAP, "taps": TAPS}
 
@@ -32,13 +31,16 @@ SETTINGS = {"turn_back": TURN_BACK, "give_up": GIVE_UP, "tap_speed": TAP_SPEED, 
 class CarefulSkills(Skills):
     """The robot's skills with a push that watches the other blocks."""
 
+    turn_back, give_up = TURN_BACK, GIVE_UP
+
     def push_forward(self, path: Path) -> None:
         """Push slowly as far as nothing else moves, then on in taps until the target is out or the layer is moved."""
         self._before = self._recording.poses[-1]
         if self._slow_part(path):
             return
+        enough = self._config.push_distance - self._config.push_tolerance
         for _ in range(TAPS):
-            if self._moved() > GIVE_UP or self._out() >= ENOUGH or self._recording.has_collapsed():
+            if self._moved() > self.give_up or self._out() >= enough or self._recording.has_collapsed():
                 return
             self._tap()
 
@@ -51,7 +53,7 @@ class CarefulSkills(Skills):
                 self.frame()
                 if self.stopped or self._recording.has_collapsed():
                     return False
-                if self._moved() > TURN_BACK:
+                if self._moved() > self.turn_back:
                     self._arm.stop(1.0)
                     return False
         finally:

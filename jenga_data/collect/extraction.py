@@ -131,14 +131,14 @@ class Pull:
             away = recording.distance_clear() > _AWAY
             if recording.has_collapsed() or (away and not self._all):
                 break
-            act = self._policy.act(recording.world.tower_state(), recording.target)
-            action = executable(np.zeros(3) if away else act, action)
-            wanted = self._policy.wanted if isinstance(self._policy, Proposer) else act
             before, frame = hand.position, recording.frame
             try:
+                act = self._policy.act(recording.world.tower_state(), recording.target)
+                action = executable(np.zeros(3) if away else act, action)
                 hand.begin(action)
             except UnreachableError:
                 return "out_of_reach"
+            wanted = self._policy.wanted if isinstance(self._policy, Proposer) else act
             recording.advance(substep, steps)
             recording.action(frame, action, hand.position - before, action if away else wanted)
             if recording.clear_frame() >= 0:

@@ -10,8 +10,8 @@ from jenga_data.figures.choose import Logged, first_of
 from jenga_data.figures.scenes import Row, Scene, rows_figure
 from jenga_data.palette import block_colours
 from jenga_data.replay.measures import MM, displacement, others
-from jenga_data.replay.picture import free_azimuth, robot_parts
-from jenga_data.replay.summary import outcome_words, target_words
+from jenga_data.replay.summary import target_words
+from jenga_data.tower import turn_poses
 
 CASES = {
     "": "a good push",
@@ -50,8 +50,10 @@ def _row(cause: str, episode: Episode) -> Row | None:
         target = float(moved[frame, episode.header.target])
         rest = float(np.max(moved[frame, others(episode)]))
         caption = f"{words}\ntarget {target:.0f} mm, others {rest:.0f} mm"
-        return Scene(episode.pose[frame], colours, caption, robot_parts(episode, frame))
+        # What is pushed comes out at +x; the picture looks from -x, where the light is.
+        return Scene(turn_poses(episode.pose[frame], np.pi), colours, caption)
 
-    title = f"{CASES[cause]}; {target_words(episode.header)}, round {episode.header.round}: {outcome_words(episode)}"
-    scenes = [scene(before, "before"), scene(after, "after the push"), scene(last, "end")]
-    return Row(title, episode.header.blocks.size, scenes, free_azimuth(episode))
+    title = f"{CASES[cause]}; {target_words(episode.header)}, round {episode.header.round}"
+    ended = episode.result.verdict.outcome if episode.result else "unknown"
+    scenes = [scene(before, "before"), scene(after, "after the push"), scene(last, f"end: {ended}")]
+    return Row(title, episode.header.blocks.size, scenes, framed=2)

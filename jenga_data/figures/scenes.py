@@ -8,7 +8,7 @@ from jaxtyping import Float
 from matplotlib.axes import Axes
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, FigureBase
 
 from jenga_data.palette import INK, MUTED_INK, error_colours
 from jenga_data.replay.picture import AZIMUTH, render_tower, tower_camera
@@ -38,6 +38,8 @@ class Row:
     size: Float[np.ndarray, "block 3"]
     scenes: Sequence[Scene]
     azimuth: float = float(AZIMUTH)
+    framed: int | None = None
+    """So many of the first scenes must be in the picture, their towers alone; by default everything."""
 
 
 def rows_figure(rows: Sequence[Row], full_scale: float | None = None) -> Figure:
@@ -52,8 +54,9 @@ def rows_figure(rows: Sequence[Row], full_scale: float | None = None) -> Figure:
     for part, row in zip(parts, rows, strict=True):
         part.suptitle(row.title, x=0.01, ha="left", fontsize=13, color=INK)
         boxes = [Boxes(scene.pose, row.size, scene.colours) for scene in row.scenes]
-        every = [thing for scene, box in zip(row.scenes, boxes, strict=True) for thing in (box, *scene.others)]
-        camera = tower_camera([*every, *(g for s in row.scenes for g in s.ghosts)], azimuth=row.azimuth)
+        around = [part for scene in row.scenes for part in (*scene.others, *scene.ghosts)]
+        seen = [*boxes, *around] if row.framed is None else boxes[: row.framed]
+        camera = tower_camera(seen, azimuth=row.azimuth)
         grid = np.atleast_1d(np.asarray(part.subplots(1, columns), dtype=object))
         for axes, scene in zip(grid, row.scenes, strict=False):
             render_tower(
@@ -68,7 +71,7 @@ def rows_figure(rows: Sequence[Row], full_scale: float | None = None) -> Figure:
     return figure
 
 
-def _explain(figure: Figure, grid: list[Axes], full_scale: float) -> None:
+def _explain(figure: FigureBase, grid: list[Axes], full_scale: float) -> None:
     steps = error_colours(np.linspace(0, full_scale, 256), full_scale)
     scale = ScalarMappable(Normalize(0, 1e3 * full_scale), ListedColormap(steps.tolist()))
     figure.colorbar(scale, ax=grid, location="right", fraction=0.03, aspect=30, extend="max", label="error [mm]")

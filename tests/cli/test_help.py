@@ -88,6 +88,9 @@ def test_the_list_of_verbs_is_the_design_s():
         "bench log",
         "report touch",
         "report selection",
+        "bench replay",
+        "report figures",
+        "report page",
     }
 
 

@@ -129,8 +129,26 @@ def test_log_info_and_doctor(extraction_logs: Made):
 def test_replay(extraction_logs: Made, simulator: Made, tmp_path):
     log, rrd = min(extraction_logs.path.glob("*.mcap")), tmp_path / "shown.rrd"
     said = jenga("replay", log, "--save", rrd, "--json").object()
-    assert said == {"episode": str(log), "written": [str(rrd)]}
+    assert said == {"episode": str(log), "episodes": [str(log)], "written": [str(rrd)]}
     assert rrd.stat().st_size > 0
+
+
+def test_report_page_takes_what_other_verbs_wrote(selection: Made, selection_logs: Made, tmp_path):
+    results = ("--results", selection.path, "--selection", selection_logs.path)
+    said = jenga("report", "page", *results, "--out", tmp_path / "page", "--json").object()
+    assert said["results"] == 1  # the dataset's manifest
+    assert set(said["findings"].values()) == {"not measured"}
+    assert "pulls@0.1.0" in Path(said["page"]).read_text()
+    drawn = jenga("report", "figures", "--selection", selection.path, "--out", tmp_path / "figures", "--json").object()
+    assert {figure["name"]: bool(figure["path"]) for figure in drawn["figures"]} == {
+        "rounds": True, "key-frames": False, "pushes": False, "prediction": False, "touch": False, "tables": True,
+    }  # fmt: skip
+
+
+def test_bench_replay():
+    said = jenga("bench", "replay", "--seconds", 0.1, "--repeats", 1, "--json").object()
+    for name in ("write", "read_and_write", "with_model", "with_sidecar"):
+        assert said[name].keys() >= {"value", "unit", "reference", "ratio"}
 
 
 def test_bench_sim(tmp_path):

@@ -67,6 +67,24 @@ def test_plans_that_do_not_give_the_logged_actions_are_not_shown(naive):
     assert "differs from the logged one by 1 mm" in plans.note
 
 
+@pytest.mark.parametrize(
+    ("settings", "why"),
+    [
+        ({"touch": {}}, "heeds touch"),
+        ({"dynamics": "simulator"}, "the simulator was the model"),
+        ({"search": 1}, "none of this version"),
+    ],
+)
+def test_plans_that_nothing_computes_again_say_why(logs, settings, why):
+    episode = read_episode(logs["full"])
+    config = dict(episode.header.config)
+    config["controller"] = config["controller"] | settings
+    plans = sampled_plans(replace(episode, header=replace(episode.header, config=config)))
+    assert plans is not None
+    assert len(plans.frame) == 0
+    assert why in plans.note
+
+
 def test_who_did_not_sample_has_no_plans(logs, naive):
     assert sampled_plans(read_episode(logs["straight"])) is None
     header = replace(naive.header, config={"kind": "extraction"})

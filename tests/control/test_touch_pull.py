@@ -13,7 +13,7 @@ from jenga_control.touch_pull import SAMPLES, CarefulTouch, TouchConfig
 from jenga_data.episode import GripperSample
 from jenga_data.errors import JengaError
 
-SMOOTH, ROUGH = np.zeros(SAMPLES), np.tile([0.0, 5.0], SAMPLES)[:SAMPLES]
+SMOOTH, ROUGH = np.zeros(SAMPLES), np.tile([0.0, 10.0], SAMPLES)[:SAMPLES]
 
 
 class Felt:
@@ -49,6 +49,13 @@ def test_a_rough_step_slows_down_and_a_smooth_one_sets_free_again():
 def test_a_pull_is_not_slowed_to_a_stop():
     np.testing.assert_allclose(Felt(speed=0.04).step(ROUGH), [-0.001, 0.0, 0.0])
     np.testing.assert_allclose(Felt(speed=0.02).step(ROUGH), [-0.00064, 0.0, 0.0])
+
+
+def test_what_is_rough_for_a_slow_pull_is_not_for_a_fast_one():
+    """10 N to and fro are 3,536 N/s; 5 N half of it."""
+    half = ROUGH / 2
+    np.testing.assert_allclose(Felt(speed=0.125).step(half), [-0.002, 0.0, 0.0])
+    np.testing.assert_array_equal(Felt(speed=0.25).step(half), [-0.008, 0.0, 0.0])
 
 
 def test_it_wiggles_when_it_stays_rough_and_gives_up_in_the_end():

@@ -24,10 +24,14 @@ STEP = CONTROL_STEP_NS * 1e-9
 class MadeUpTrunk(Trunk):
     """A grasped tower that comes out at some speeds only; notes at which speeds it was pulled."""
 
-    seed, number, grasped = 900_000, 3, True  # pyright: ignore[reportAssignmentType]
+    seed, number = 900_000, 3
 
     def __init__(self, ends):
         self.ends, self.pulled = ends, []
+
+    @property
+    def grasped(self) -> bool:
+        return True
 
     def branch(self, policy, all_actions=False):
         speed = 0.0
@@ -68,6 +72,8 @@ def test_each_way_has_settings_of_its_own():
         ("naive-fast", "unknown way to pull 'naive-fast'"),
         ("straight-0.7", "'0.7' is no speed of a pull; allowed: above 0 up to 0.625 m/s"),
         ("straight-quick", "'quick' is no speed"),
+        ("hindsight-3", "hindsight of 3 pulls; allowed: 8 and more"),
+        ("hindsight-13", "hindsight of '13' pulls; allowed: 8 to 12"),
         ("full", "needs a dynamics model: give one with --model"),
     ],
 )
@@ -109,7 +115,8 @@ def test_hindsight_prefers_any_success_and_then_the_least_disturbance():
     assert dragged.notes["hindsight_best"] == "straight-0.1"
     trunk = MadeUpTrunk({0.6: (Outcome.COLLAPSED, False, 0.01)})
     assert Hindsight(CHEAP).pull(trunk).notes["hindsight_best"] == "straight-0.6"
-    assert len(trunk.pulled) == len(PULLS) >= 8
+    assert len(trunk.pulled) == 8
+    assert len(named(f"hindsight-{len(PULLS)}").popitem()[1].pulls) == len(PULLS) == 12
 
 
 def test_hindsight_of_few_pulls_is_refused():

@@ -99,3 +99,8 @@ def test_a_tower_that_was_not_grasped_fails_for_every_pull(tmp_path):
     ends = [read_header(path)[1] for path in (tmp_path / "logs").iterdir()]
     assert len(ends) == 2
     assert all(end is not None and end.cause == "grasp_missed" and end.verdict.failure for end in ends)
+    noted = replace(trunk.branch(Straight(SPEEDS[0])), notes={"hindsight_best": "straight-0.5"})
+    trunk.log(noted, log_in(tmp_path / "noted"), actor(SPEEDS[0]))
+    (log,) = (tmp_path / "noted").iterdir()
+    assert read_header(log)[0].provenance["hindsight_best"] == "straight-0.5"
+    assert "hindsight_best" not in read_header(tmp_path / "logs" / log.name)[0].provenance

@@ -170,3 +170,13 @@ def test_a_policy_that_looks_on_is_shown_the_world_once():
     hand = TakingHand(stage)
     pull(stage, hand, Looking(-0.01, 0.0, 0.0), all_actions=False)
     assert Looking.seen == [(stage.recording, hand, STEPS)]
+
+
+def test_a_policy_that_finds_no_way_for_the_arm_ends_the_pull():
+    class Lost(Steady):
+        def act(self, state, target) -> np.ndarray:
+            raise UnreachableError("the arm can make none of the plans")
+
+    stage = Stage()
+    assert pull(stage, TakingHand(stage), Lost(0.0), all_actions=False) == "out_of_reach"
+    assert stage.kept.actions == []
