@@ -24,6 +24,9 @@ def draw_towers(
 ) -> Path:
     """Held-out towers some steps on: above the truth, below the prediction from the tower before, in a PNG.
 
+    Below them stands how far the other blocks moved in those steps, and how far off they were predicted (root mean
+    squares).
+
     They are spread evenly over how far the other blocks move, from the median to the most, one a tower.
 
     Raises:
@@ -41,8 +44,8 @@ def draw_towers(
     rows, target = first[chosen], dataset.column("target")[first[chosen]].astype(int)
     error = _moved(truth, predicted, target)
     states = [*_states(dataset, rows, truth), *_states(dataset, rows, predicted)]
-    titles = [f"truth, {steps} steps on\nothers moved {value * MM:.1f} mm" for value in moved[chosen]]
-    titles += [f"predicted\nwrong by {value * MM:.1f} mm" for value in error]
+    titles = [f"truth\nmoved {value * MM:.1f} mm" for value in moved[chosen]]
+    titles += [f"predicted\n{value * MM:.1f} mm off" for value in error]
     figure = tower_grid(states, titles, targets=[*target.tolist()] * 2, columns=len(chosen))
     with style.applied():
         style.save(figure, out)
