@@ -25,8 +25,8 @@ def test_an_own_classifier_gets_its_row_of_the_table(
     monkeypatch.setattr("jenga_data.dataset.read.open_dataset", lambda name: dataset)
     monkeypatch.setattr("jenga_models.registry.SELECTORS", registered := {})
     text = program("SELECTORS[")
-    assert len(text.splitlines()) <= 25
+    assert len([line for line in text.splitlines() if line]) <= 22
     names: dict[str, Any] = {}
-    exec(text.replace("epochs=50", "epochs=1").replace("range(5)", "range(2)"), names)  # noqa: S102: it is our own README
+    exec(text.replace("epochs=50", "epochs=1").replace("range(5)", "range(2)"), names)
     assert list(registered) == ["mine"]
     assert re.search(r"^\| mine \|", capsys.readouterr().out, re.M)

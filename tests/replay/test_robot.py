@@ -19,7 +19,6 @@ from jenga_data.replay.measures import displacement
 from jenga_data.replay.moments import Moment, telling_moments
 from jenga_data.replay.paint import TURNTABLE
 from jenga_data.replay.picture import AZIMUTH, free_azimuth, render_tower, robot_parts, tower_camera
-from jenga_data.replay.raster import Camera
 from jenga_data.replay.rerun_adapter import FRAME, write_rrd
 from jenga_data.replay.series import episode_series
 from jenga_data.replay.side_by_side import film_strip
@@ -164,21 +163,6 @@ def test_a_picture_changes_where_the_robot_is(moved: Episode, tmp_path: Path) ->
     pixel = u[1] - u[0]
     assert arm[:, 0].min() - pixel < u[columns].min() < u[columns].max() < arm[:, 0].max() + pixel
     assert arm[:, 1].min() - pixel < v[rows].min() < v[rows].max() < arm[:, 1].max() + pixel
-
-
-def test_round_sides_have_no_drawn_edges(tmp_path: Path) -> None:
-    """Dark lines stand between patches: from the light's side a ball has none, and a box three about its corner."""
-
-    def darkest(shape: str, size: tuple[float, float, float]) -> float:
-        corner, patch = solid_quads(shape, size)
-        faces = Faces(corner + np.array([0, 0, 0.1]), np.ones((len(patch), 3)), patch)
-        nothing = np.zeros((0, 7)), np.zeros((0, 3))
-        camera = Camera.fitting(faces.corners(), np.radians(231.0), np.radians(55.0), aspect=1.0)
-        image = render_tower(tmp_path / "t.png", *nothing, others=[faces], camera=camera, height=100)
-        return float(image[40:60, 40:60].min())
-
-    assert darkest("sphere", (R, 0.0, 0.0)) > 0.55
-    assert darkest("box", (R, R, R)) < 0.55
 
 
 def test_the_stand_is_a_disc_on_a_column(tmp_path: Path) -> None:

@@ -1,12 +1,14 @@
 """Solids of a robot: their faces, how they look from every side, and their bounds."""
 
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from made_up_episode import random_quaternions
 
 from jenga_data.episode import Link, RobotModel, Solid
+from jenga_data.replay.picture import render_tower
 from jenga_data.replay.raster import NOTHING, Camera, rasterise
 from jenga_data.replay.solids import Faces, robot_faces, solid_bounds, solid_quads
 
@@ -60,3 +62,18 @@ def test_bounding_boxes_hold_their_solids_and_touch_them(shape: str, size: tuple
         assert (corners > low[k] - 1e-12).all()
         assert (corners < high[k] + 1e-12).all()
         np.testing.assert_allclose(corners.max(axis=0) - corners.min(axis=0), (high - low)[k, 0], rtol=0.06)
+
+
+def test_round_sides_have_no_drawn_edges(tmp_path: Path) -> None:
+    """Dark lines stand between patches: from the light's side a ball has none, and a box three about its corner."""
+
+    def darkest(shape: str, size: tuple[float, float, float]) -> float:
+        corner, patch = solid_quads(shape, size)
+        faces = Faces(corner + np.array([0, 0, 0.1]), np.ones((len(patch), 3)), patch)
+        nothing = np.zeros((0, 7)), np.zeros((0, 3))
+        camera = Camera.fitting(faces.corners(), np.radians(231.0), np.radians(55.0), aspect=1.0)
+        image = render_tower(tmp_path / "t.png", *nothing, others=[faces], camera=camera, height=100)
+        return float(image[40:60, 40:60].min())
+
+    assert darkest("sphere", (R, 0.0, 0.0)) > 0.55
+    assert darkest("box", (R, R, R)) < 0.55
