@@ -30,7 +30,7 @@ VERBS: Mapping[str, tuple[str, Callable[[Sequence[str]], Verb | dict[str, Verb]]
     "collect": ("simulate rollouts and log them (selection, extraction)", lambda _: collect()),
     "convert": ("make a Parquet graph dataset from logs", lambda _: convert),
     "train": ("train a model (selection, dynamics)", train),
-    "eval": ("evaluate a model on held-out towers (selection, dynamics, extraction)", lambda _: evaluate()),
+    "eval": ("held-out towers (selection, dynamics, extraction, and the simulator as a model)", lambda _: evaluate()),
     "replay": ("show an episode with models' predictions in rerun", lambda _: replay),
     "calibrate": (
         "how the simulated tower behaves (movable, contacts, ceiling, speed, rounds, turntable, sleep)",

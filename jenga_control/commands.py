@@ -57,7 +57,7 @@ def evaluate() -> dict[str, Verb]:
             ceiling: ceiling.json, as `jenga calibrate ceiling` writes it.
             workers: processes that compute mechanics.
         """
-        from jenga_control.evaluate_selection import evaluate_selection, pretrained
+        from jenga_control.selection.evaluate import evaluate_selection, pretrained
         from jenga_control.tables import selection_tables
         from jenga_data.dataset.read import open_dataset
 
@@ -72,22 +72,22 @@ def evaluate() -> dict[str, Verb]:
         Args:
             model: folder of a checkpoint.
             dataset: NAME@X.Y.Z or a folder.
-            truth: folder of `jenga eval ceiling`: the ceiling, and the rank correlation of plans, are reported as well.
+            truth: folder of `jenga eval simulator`: the ceiling, and the rank correlation of plans, are reported as well.
             figure: a PNG of true and predicted towers, as in the paper's appendix.
         """
-        from jenga_control.evaluate_dynamics import evaluate_dynamics
+        from jenga_control.prediction.evaluate import evaluate_dynamics
         from jenga_control.tables import dynamics_tables
         from jenga_data.dataset.read import open_dataset
 
         rows = open_dataset(dataset)
         report = evaluate_dynamics(model, rows, truth)
         if figure:
-            from jenga_control.dynamics_figure import draw_towers
+            from jenga_control.prediction.figure import draw_towers
 
             report["figure"] = str(draw_towers(model, rows, figure))
         return Shown(json, report, dynamics_tables(report))
 
-    def ceiling(
+    def simulator(
         logs: tyro.conf.Positional[tuple[Path, ...]],
         out: Path,
         states: int = 200,
@@ -112,8 +112,8 @@ def evaluate() -> dict[str, Verb]:
             seed: decides which states.
             workers: processes that simulate.
         """
-        from jenga_control.branches import Candidates, Restarts, choose, simulate
-        from jenga_control.ceiling import from_folder
+        from jenga_control.prediction.ceiling import from_folder
+        from jenga_control.prediction.restarts import Candidates, Restarts, choose, simulate
         from jenga_control.tables import ceiling_tables
         from jenga_data.dataset.sources import find_logs
 
@@ -164,9 +164,9 @@ def evaluate() -> dict[str, Verb]:
             seed: from 900000 up, which no training data may have.
             workers: processes that simulate.
         """
-        from jenga_control.evaluate_extraction import Switches, evaluate_extraction
+        from jenga_control.extraction.evaluate import Switches, evaluate_extraction
+        from jenga_control.extraction.touch import TouchConfig
         from jenga_control.tables import extraction_tables
-        from jenga_control.touch_pull import TouchConfig
         from jenga_data.collect.config import ExtractionConfig
 
         config = ExtractionConfig(body="gripper") if gripper else None
@@ -177,7 +177,7 @@ def evaluate() -> dict[str, Verb]:
         )
         return Shown(json, report, extraction_tables([report, *report["baselines"].values()]))
 
-    return {"selection": selection, "dynamics": dynamics, "ceiling": ceiling, "extraction": extraction}
+    return {"selection": selection, "dynamics": dynamics, "simulator": simulator, "extraction": extraction}
 
 
 def bench() -> dict[str, Verb]:
@@ -200,7 +200,7 @@ def bench() -> dict[str, Verb]:
             preset: of the search.
             device: cpu or cuda.
         """
-        from jenga_control.bench_control import bench_control
+        from jenga_control.planning.bench import bench_control
 
         found = bench_control(model, towers, threads, simulator_samples, preset, device)
         return Shown(json, found, found.pop("text"))
@@ -245,7 +245,7 @@ def report() -> dict[str, Verb]:
             logs: folder of the dataset's logs, for the commands that replay mistakes.
             workers: processes that compute mechanics.
         """
-        from jenga_control.selection_report import report_selection
+        from jenga_control.selection.report import report_selection
         from jenga_data.dataset.read import open_dataset
 
         others = [open_dataset(name) for name in more]
@@ -260,7 +260,7 @@ def report() -> dict[str, Verb]:
             logs: folders that `jenga eval extraction --out` left, one or several.
             out: folder of the report: extraction.json, .md and figures.
         """
-        from jenga_control.extraction_report import report_extraction
+        from jenga_control.extraction.report import report_extraction
 
         found = report_extraction(logs, out)
         text = f"{found.pop('text')}\nwritten: {', '.join(found['written'])}"

@@ -8,9 +8,9 @@ from time import monotonic
 from typing import Any
 
 from jenga_control.demo_page import DemoResults, write_demo_page
-from jenga_control.evaluate_dynamics import evaluate_dynamics
-from jenga_control.evaluate_extraction import evaluate_extraction
-from jenga_control.evaluate_selection import evaluate_selection
+from jenga_control.extraction.evaluate import evaluate_extraction
+from jenga_control.prediction.evaluate import evaluate_dynamics
+from jenga_control.selection.evaluate import evaluate_selection
 from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables
 from jenga_data.agreement import edge_agreement
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig

@@ -79,7 +79,7 @@ def shown_with(path: Path, episode: Episode, models: Sequence[Path], from_frame:
     sampling = "search" in (episode.header.config.get("controller") or {})
     if not models and not sampling:  # nothing here needs torch, which takes seconds to import
         return Shown(episode)
-    from jenga_control.plans import sampled_plans
+    from jenga_control.planning.plans import sampled_plans
     from jenga_models.checkpoint import load
     from jenga_models.overlay import OPEN_LOOP, overlay
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import Any
 
-from jenga_control.pulls import by_information
+from jenga_control.selection.pulls import by_information
 from jenga_data.report import MISSING, markdown_table, number, with_interval
 
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
-from jenga_control.cost import PAPER_COST
-from jenga_control.mppi import PRESETS
+from jenga_control.planning.cost import PAPER_COST
+from jenga_control.planning.mppi import PRESETS
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig
 from jenga_data.outcome import THRESHOLDS
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS

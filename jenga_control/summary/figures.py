@@ -110,7 +110,7 @@ def _rounds(path: Path, where: Path | None) -> dict[str, Any]:
 
 def _one_tower_a_round(where: Path) -> tuple[list[TowerState], list[str], list[int | None]]:
     if (where / "manifest.json").exists():
-        from jenga_control.selection_towers import state_of
+        from jenga_control.selection.towers import state_of
         from jenga_data.dataset.read import open_dataset
 
         dataset = open_dataset(where)
@@ -178,7 +178,7 @@ def _predictions(out: Path, logs: Sequence[Logged], models: Sequence[Path]) -> l
 
 
 def _prediction(path: Path, logs: Sequence[Logged], checkpoint: Any) -> dict[str, Any]:
-    from jenga_control.prediction_figure import errors, prediction_figure, until_decided
+    from jenga_control.prediction.paper_figure import errors, prediction_figure, until_decided
     from jenga_models.overlay import predict_open_loop
 
     pairs: list[tuple[Episode, Prediction]] = []

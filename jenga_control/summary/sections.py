@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from jenga_control.page import Block, Cell, Code, Figure, Table
-from jenga_control.pulls import by_information
+from jenga_control.selection.pulls import by_information
 from jenga_control.summary.paper_tables import EXTRACTION_COMMAND, SELECTION_COMMAND, by_way
 from jenga_control.summary.results import Result, Results
 from jenga_data.report import number, with_interval

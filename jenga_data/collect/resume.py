@@ -8,6 +8,7 @@ from jaxtyping import Float
 from jenga_data.collect.config import ExtractionConfig, config_from_dict
 from jenga_data.collect.gripper_extraction import gripper_scene
 from jenga_data.collect.stage import Stage
+from jenga_data.dataset.schema import POSE_STEP
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.sim.arm import Arm
@@ -21,8 +22,6 @@ of all blocks; and how far the hand lags behind its set point, that is how hard 
 dataset's rows, but for "all", which goes on as the log does.
 """
 KNOWN: tuple[Known, ...] = ("poses", "poses and hand", "poses and velocities", "velocities and set point", "all")
-ROUNDING = 2.0**-23
-"""Of poses in rows, see `jenga_data.dataset.schema` [m]."""
 
 
 class Resumed:
@@ -77,7 +76,7 @@ class Resumed:
             self.hand.recall(self._memory[number])
         else:
             self.hand.forget(moving=known != "poses")
-        world.set_tower(np.round(world.pose / ROUNDING) * ROUNDING)
+        world.set_tower(np.round(world.pose / POSE_STEP) * POSE_STEP)
         world.set_twist(twist)
 
     def play(self, actions: Float[np.ndarray, "step 3"]) -> Float[np.ndarray, "step block 7"]:

@@ -27,7 +27,7 @@ COLLECT = {
     "extraction": ("collect", "extraction", "--gripper", *CHEAP, "--slowest", "0.008"),
 }
 CHEAP_CLOSED_LOOP = """
-import jenga_control.evaluate_extraction as module
+import jenga_control.extraction.evaluate as module
 from jenga_data.collect.config import ExtractionConfig, SpawnConfig
 from jenga_data.sim.physics import PhysicsConfig
 
@@ -44,7 +44,7 @@ module.ExtractionConfig = cheap
 @contextmanager
 def cheap_closed_loop() -> Iterator[None]:
     """The same in this process."""
-    import jenga_control.evaluate_extraction as module
+    import jenga_control.extraction.evaluate as module
 
     with patch.object(module, "ExtractionConfig", module.ExtractionConfig):  # puts back what the next line replaces
         exec(CHEAP_CLOSED_LOOP, {})

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from made_up_dataset import BLOCKS, dynamics_dataset, nominal_pose, untrained
 
-from jenga_control.evaluate_extraction import evaluate_extraction
+from jenga_control.extraction.evaluate import evaluate_extraction
 from jenga_data.blocks import sample_blocks
 from jenga_data.collect.branches import Branch, Tape, Trunk
 from jenga_data.collect.config import NOBODY, ExtractionConfig, SpawnConfig

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from made_up_dataset import selection_dataset
 
-from jenga_control.baselines.features import FeatureTable, contact_laws
-from jenga_control.baselines.graph_features import graph_features, longest_path, reach, siblings
-from jenga_control.baselines.layout_features import layout_features
-from jenga_control.baselines.learners import LEARNERS, fit
-from jenga_control.baselines.mechanics import MechanicalCase, mechanical_features
-from jenga_control.baselines.structure import Structure, structures
-from jenga_control.baselines.suite import LEARNED, Side, predict_baselines
+from jenga_control.selection.baselines.features import FeatureTable, contact_laws
+from jenga_control.selection.baselines.graph_features import graph_features, longest_path, reach, siblings
+from jenga_control.selection.baselines.layout_features import layout_features
+from jenga_control.selection.baselines.learners import LEARNERS, fit
+from jenga_control.selection.baselines.mechanics import MechanicalCase, mechanical_features
+from jenga_control.selection.baselines.structure import Structure, structures
+from jenga_control.selection.baselines.suite import LEARNED, Side, predict_baselines
 from jenga_data.blocks import GRAVITY, sample_blocks
 from jenga_data.sim.physics import PhysicsConfig
 from jenga_data.tower import Layout, nominal_poses, turn_poses

@@ -10,10 +10,10 @@ from closed_loops import CHEAP, MODEL, TARGET, tower
 from made_up_dataset import dynamics_dataset, untrained
 from short_towers import short_towers
 
-from jenga_control.bench_control import bench_control
-from jenga_control.composed import Composed
-from jenga_control.dynamics import Learned
-from jenga_control.simulator_dynamics import Simulated
+from jenga_control.extraction.simulator import Simulated
+from jenga_control.planning.bench import bench_control
+from jenga_control.planning.composed import Composed
+from jenga_control.planning.dynamics import Learned
 from jenga_data.collect.branches import Trunk
 from jenga_data.collect.extraction import LIMITS, executable
 from jenga_data.errors import JengaError

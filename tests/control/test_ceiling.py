@@ -9,9 +9,18 @@ from closed_loops import tower
 from made_up_dataset import BLOCKS
 from short_towers import short_towers
 
-from jenga_control.branches import STEPS, Branches, Candidates, Restarts, choose, eligible, lag_before, simulate
-from jenga_control.ceiling import ceiling_report, disturbance, from_folder, ranking_report, state_of, varies
-from jenga_control.dynamics import NothingMoves
+from jenga_control.planning.dynamics import NothingMoves
+from jenga_control.prediction.ceiling import ceiling_report, disturbance, from_folder, ranking_report, state_of, varies
+from jenga_control.prediction.restarts import (
+    STEPS,
+    Branches,
+    Candidates,
+    Restarts,
+    choose,
+    eligible,
+    lag_before,
+    simulate,
+)
 from jenga_control.tables import ceiling_tables
 from jenga_data.collect.config import ExtractionConfig, SpawnConfig
 from jenga_data.collect.extraction import LIMITS, MAX_STEP_CHANGE, run_extraction

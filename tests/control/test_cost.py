@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from jenga_control.cost import CostConfig, action_cost, disturbance_cost, plan_cost
+from jenga_control.planning.cost import CostConfig, action_cost, disturbance_cost, plan_cost
 from jenga_data.errors import JengaError
 
 

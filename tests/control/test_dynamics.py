@@ -3,8 +3,8 @@ import pytest
 import torch
 from made_up_dataset import dynamics_dataset, nominal_pose, untrained
 
-from jenga_control.cost import CostConfig, plan_cost
-from jenga_control.dynamics import Learned, NothingMoves, StepModel, target_moves
+from jenga_control.planning.cost import CostConfig, plan_cost
+from jenga_control.planning.dynamics import Learned, NothingMoves, StepModel, target_moves
 from jenga_data.blocks import sample_blocks
 from jenga_data.tower import Layout, TowerState
 from jenga_models.config import DynamicsTraining

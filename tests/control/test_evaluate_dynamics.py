@@ -6,9 +6,8 @@ import pytest
 import torch
 from made_up_dataset import dynamics_dataset, selection_dataset, untrained
 
-from jenga_control.dynamics import target_moves
-from jenga_control.dynamics_figure import draw_towers, telling
-from jenga_control.evaluate_dynamics import (
+from jenga_control.planning.dynamics import target_moves
+from jenga_control.prediction.evaluate import (
     HORIZONS,
     Predictions,
     dynamics_report,
@@ -16,6 +15,7 @@ from jenga_control.evaluate_dynamics import (
     horizon_report,
     rotation_angle,
 )
+from jenga_control.prediction.figure import draw_towers, telling
 from jenga_control.tables import dynamics_tables
 from jenga_data.errors import JengaError
 from jenga_data.report import to_json

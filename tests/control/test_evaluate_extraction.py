@@ -7,7 +7,7 @@ import pytest
 from closed_loops import CHEAP, MODEL, MadeUpPulls, copied, evaluated, result
 from made_up_dataset import dynamics_dataset, untrained
 
-from jenga_control.evaluate_extraction import evaluate_extraction
+from jenga_control.extraction.evaluate import evaluate_extraction
 from jenga_data.collect.config import SEED_LIMIT
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.outcome import Outcome
@@ -28,7 +28,7 @@ STRAIGHT = [result(Outcome.EXTRACTED), *[result(Outcome.STUCK, "slipped") for _ 
 @pytest.fixture
 def pulls(monkeypatch):
     made_up = MadeUpPulls({"naive": NAIVE, "straight": STRAIGHT, "full": STRAIGHT})
-    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", made_up)
+    monkeypatch.setattr("jenga_control.extraction.evaluate.Trunk", made_up)
     return made_up
 
 
@@ -56,7 +56,7 @@ def test_broken_physics_disturb_no_median(pulls, tmp_path):
 
 def test_broken_physics_alone_have_no_median(monkeypatch, tmp_path):
     pulls = MadeUpPulls({"naive": [result(Outcome.INVALID)]})
-    monkeypatch.setattr("jenga_control.evaluate_extraction.Trunk", pulls)
+    monkeypatch.setattr("jenga_control.extraction.evaluate.Trunk", pulls)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         report = evaluate(tmp_path, "naive", towers=1)
@@ -146,7 +146,7 @@ def test_every_way_is_evaluated_once(controllers, tmp_path):
 
 
 def test_a_missing_model_is_told_before_anything_is_pulled(pulls, tmp_path, monkeypatch):
-    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: ())
+    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: ())
     with pytest.raises(JengaError, match="needs a dynamics model: give one with --model"):
         evaluate(tmp_path / "logs", "naive", "full")
     assert pulls.ran == []

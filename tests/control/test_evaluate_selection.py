@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 from made_up_dataset import dynamics_dataset, selection_dataset, untrained
 
-from jenga_control import evaluate_selection as module
-from jenga_control.evaluate_selection import evaluate_selection, pretrained, read_ceiling, selection_report, sides
-from jenga_control.pulls import Prediction, Pulls
+from jenga_control.selection import evaluate as module
+from jenga_control.selection.evaluate import evaluate_selection, pretrained, read_ceiling, selection_report, sides
+from jenga_control.selection.pulls import Prediction, Pulls
 from jenga_control.tables import selection_tables
 from jenga_data.errors import JengaError
 from jenga_data.report import to_json
@@ -91,7 +91,7 @@ def test_the_model_is_asked_about_test_rows_only(tmp_path, monkeypatch):
 
 
 def test_learned_baselines_stand_beside_the_rules(tmp_path, monkeypatch):
-    from jenga_control.baselines import suite
+    from jenga_control.selection.baselines import suite
 
     monkeypatch.setattr(suite, "LEARNED", [b for b in suite.LEARNED if b.learner == "logistic"])
     dataset = selection_dataset(18)

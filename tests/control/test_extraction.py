@@ -7,10 +7,10 @@ import pytest
 from closed_loops import CHEAP, MODEL, TARGET, evaluated, tower
 from made_up_dataset import dynamics_dataset, untrained
 
-from jenga_control.cost import CostConfig
-from jenga_control.dynamics import NothingMoves
-from jenga_control.extraction import CONTROLLERS, ClosedLoop, MPPIPolicy, StraightPull
-from jenga_control.mppi import mppi_preset
+from jenga_control.extraction.closed_loop import CONTROLLERS, ClosedLoop, MPPIPolicy, StraightPull
+from jenga_control.planning.cost import CostConfig
+from jenga_control.planning.dynamics import NothingMoves
+from jenga_control.planning.mppi import mppi_preset
 from jenga_data.collect.config import SEED_LIMIT, episode_key
 from jenga_data.collect.workers import run_episodes
 from jenga_data.episode import CONTROL_STEP_NS

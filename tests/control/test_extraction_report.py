@@ -3,9 +3,9 @@
 import pytest
 from closed_loops import CHEAP, MadeUpPulls, result
 
-from jenga_control.evaluate_extraction import Switches, evaluate_extraction
-from jenga_control.extraction_report import report_extraction
-from jenga_control.touch_pull import TouchConfig
+from jenga_control.extraction.evaluate import Switches, evaluate_extraction
+from jenga_control.extraction.report import report_extraction
+from jenga_control.extraction.touch import TouchConfig
 from jenga_data.errors import JengaError
 from jenga_data.outcome import Outcome
 
@@ -26,7 +26,7 @@ def folders(tmp_path_factory):
     """Four towers pulled in three ways, and the first two of them again with a switch in another folder."""
     base = tmp_path_factory.mktemp("report")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("jenga_control.evaluate_extraction.Trunk", MadeUpPulls(RESULTS))
+        patch.setattr("jenga_control.extraction.evaluate.Trunk", MadeUpPulls(RESULTS))
         evaluate_extraction(None, base / "plain", tuple(RESULTS), 4, workers=1, config=CHEAP)
         switches = Switches(touch=TouchConfig())
         evaluate_extraction(None, base / "touch", ("naive",), 2, workers=1, config=CHEAP, switches=switches)

@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jenga_control.mppi import PRESETS, Controller, MPPIConfig, mppi_preset, softmax_weights
+from jenga_control.planning.mppi import PRESETS, Controller, MPPIConfig, mppi_preset, softmax_weights
 from jenga_data.errors import JengaError
 
 FREE = MPPIConfig(

@@ -9,8 +9,8 @@ import pytest
 from closed_loops import MODEL, copied, evaluated
 from made_up_dataset import dynamics_dataset, untrained
 
-from jenga_control.extraction import CONTROLLERS
-from jenga_control.plans import sampled_plans
+from jenga_control.extraction.closed_loop import CONTROLLERS
+from jenga_control.planning.plans import sampled_plans
 from jenga_control.replay import replay, shown_with
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError

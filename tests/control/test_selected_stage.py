@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 from closed_loops import tower
 
-from jenga_control.evaluate_extraction import Switches, switched
-from jenga_control.selected_stage import with_safest_target
+from jenga_control.extraction.evaluate import Switches, switched
+from jenga_control.extraction.selected_stage import with_safest_target
 from jenga_data.collect.config import Actor
 from jenga_data.collect.stage import Stage
 from jenga_data.tower import quarter_turns_for

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from made_up_dataset import selection_dataset, untrained
 
-from jenga_control.baselines import suite
-from jenga_control.baselines.suite import Side
-from jenga_control.mistakes import worst_mistakes
-from jenga_control.pulls import Prediction
-from jenga_control.selection_curve import baseline_curve, subsets
-from jenga_control.selection_models import families
-from jenga_control.selection_report import (
+from jenga_control.selection.baselines import suite
+from jenga_control.selection.baselines.suite import Side
+from jenga_control.selection.curve import baseline_curve, subsets
+from jenga_control.selection.mistakes import worst_mistakes
+from jenga_control.selection.models import families
+from jenga_control.selection.pulls import Prediction
+from jenga_control.selection.report import (
     best_of,
     information_of,
     largest,
@@ -21,8 +21,8 @@ from jenga_control.selection_report import (
     told_no_more,
     verdict,
 )
-from jenga_control.selection_scores import more_often_right
-from jenga_control.selection_towers import shown_towers, state_of
+from jenga_control.selection.scores import more_often_right
+from jenga_control.selection.towers import shown_towers, state_of
 from jenga_data.errors import JengaError
 from jenga_models import checkpoint as checkpoints
 from jenga_models.config import SelectionTraining
@@ -164,7 +164,7 @@ def test_shown_towers_are_test_towers_that_stand_as_in_their_rows(dataset):
 def test_the_whole_report(tmp_path, dataset, monkeypatch):
     few = [b for b in suite.LEARNED if b.name in ("logistic_layout", "mechanics_logistic", "mechanics_poses_logistic")]
     monkeypatch.setattr(suite, "LEARNED", few)
-    monkeypatch.setattr("jenga_control.selection_report.LEARNED", few)
+    monkeypatch.setattr("jenga_control.selection.report.LEARNED", few)
     ceiling = tmp_path / "ceiling.json"
     agreement = {"rate": 0.9, "n": 50, "ci95": [0.8, 0.95]}
     ceiling.write_text(json.dumps({"agreement": agreement, "accuracy_bounds": [0.9, 0.95]}))

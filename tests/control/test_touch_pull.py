@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from closed_loops import TARGET, tower
 
-from jenga_control.extraction import StraightPull
-from jenga_control.touch_pull import SAMPLES, CarefulTouch, TouchConfig
+from jenga_control.extraction.closed_loop import StraightPull
+from jenga_control.extraction.touch import SAMPLES, CarefulTouch, TouchConfig
 from jenga_data.episode import GripperSample
 from jenga_data.errors import JengaError
 

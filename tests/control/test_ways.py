@@ -8,11 +8,11 @@ import pytest
 from closed_loops import CHEAP, MODEL, tower
 from made_up_dataset import dynamics_dataset, untrained
 
-from jenga_control.extraction import ClosedLoop, StraightPull
-from jenga_control.hindsight import PULLS, Hindsight, named_pull
-from jenga_control.mppi import mppi_preset
-from jenga_control.touch_pull import TouchConfig
-from jenga_control.ways import Choices, Puller, ways
+from jenga_control.extraction.closed_loop import ClosedLoop, StraightPull
+from jenga_control.extraction.hindsight import PULLS, Hindsight, named_pull
+from jenga_control.extraction.touch import TouchConfig
+from jenga_control.extraction.ways import Choices, Puller, ways
+from jenga_control.planning.mppi import mppi_preset
 from jenga_data.collect.branches import Branch, Tape, Trunk
 from jenga_data.episode import CONTROL_STEP_NS, Result
 from jenga_data.errors import JengaError
@@ -78,14 +78,14 @@ def test_each_way_has_settings_of_its_own():
     ],
 )
 def test_a_name_that_means_nothing_is_refused(name, message, monkeypatch):
-    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: ())
+    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: ())
     with pytest.raises(JengaError, match=message):
         named(name)
 
 
 def test_the_model_that_jenga_comes_with_is_asked_where_none_is_named(tmp_path, monkeypatch):
     model = untrained(tmp_path / "model", MODEL, dynamics_dataset())
-    monkeypatch.setattr("jenga_control.ways.pretrained_dynamics", lambda: (model,))
+    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: (model,))
     found = named("full")["full"]
     assert isinstance(found, ClosedLoop)
     assert found.model == model

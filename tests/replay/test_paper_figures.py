@@ -8,7 +8,7 @@ import pytest
 from made_up_episode import TARGET, make_episode
 from matplotlib.figure import Figure
 
-from jenga_control.prediction_figure import errors, prediction_figure, until_decided
+from jenga_control.prediction.paper_figure import errors, prediction_figure, until_decided
 from jenga_control.summary.figures import NO_EXTRACTION, NO_ROBOT, report_figures
 from jenga_control.summary.paper_tables import extraction_table, selection_table, tables_figure
 from jenga_control.summary.results import Results

@@ -1,7 +1,7 @@
 """The learned model fed as the paper composes: one graph object for each sample of each step, batched anew each time.
 
 "The computational expense of composing graphs to input into the dynamics model remains a rate-limiting factor"
-(section II-C). It is here to be measured, `jenga bench control`; `jenga_control.dynamics.Learned` does without.
+(section II-C). It is here to be measured, `jenga bench control`; `Learned` in dynamics.py does without.
 """
 
 from typing import Any

@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jenga_control.branches import STEPS, Branches, stored
-from jenga_control.cost import CostConfig, disturbance_cost
-from jenga_control.dynamics import Dynamics, Learned
-from jenga_control.evaluate_dynamics import Predictions, horizon_report
+from jenga_control.planning.cost import CostConfig, disturbance_cost
+from jenga_control.planning.dynamics import Dynamics, Learned
+from jenga_control.prediction.evaluate import Predictions, horizon_report
+from jenga_control.prediction.restarts import STEPS, Branches, stored
 from jenga_data.blocks import Blocks
 from jenga_data.collect.resume import KNOWN
 from jenga_data.statistics import ratio_bootstrap, spearman
@@ -98,6 +98,6 @@ def state_of(branches: Branches) -> TowerState:
 
 
 def from_folder(folder: Path, dynamics: Dynamics | None) -> dict[str, Any]:
-    """Both reports, of what `jenga eval ceiling` left in a folder."""
+    """Both reports, of what `jenga eval simulator` left in a folder."""
     ranking = ranking_report(stored(folder, "decision"), dynamics)
     return {"ceiling": ceiling_report(stored(folder, "restart")), "ranking": ranking}

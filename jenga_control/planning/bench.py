@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import torch
 
-from jenga_control.composed import Composed
-from jenga_control.cost import CostConfig
-from jenga_control.dynamics import Dynamics, Learned
-from jenga_control.extraction import MPPIPolicy
-from jenga_control.mppi import MPPIConfig, mppi_preset
-from jenga_control.simulator_dynamics import Simulated
+from jenga_control.extraction.closed_loop import MPPIPolicy
+from jenga_control.extraction.simulator import Simulated
+from jenga_control.planning.composed import Composed
+from jenga_control.planning.cost import CostConfig
+from jenga_control.planning.dynamics import Dynamics, Learned
+from jenga_control.planning.mppi import MPPIConfig, mppi_preset
 from jenga_data.bench.speed import Speed, speed_table
 from jenga_data.collect.branches import Trunk
 from jenga_data.collect.config import SEED_LIMIT, ExtractionConfig

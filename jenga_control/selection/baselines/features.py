@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from jenga_control.baselines.graph_features import graph_features
-from jenga_control.baselines.layout_features import layout_features
-from jenga_control.baselines.mechanics import MechanicalCase, mechanical_features
-from jenga_control.baselines.structure import Structure, structures
+from jenga_control.selection.baselines.graph_features import graph_features
+from jenga_control.selection.baselines.layout_features import layout_features
+from jenga_control.selection.baselines.mechanics import MechanicalCase, mechanical_features
+from jenga_control.selection.baselines.structure import Structure, structures
 from jenga_data.contact_law import ContactLaw
 from jenga_data.pool import run_every
 from jenga_data.progress import progress

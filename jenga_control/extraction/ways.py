@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import jenga_models
-from jenga_control.cost import CostConfig
-from jenga_control.extraction import DYNAMICS, ClosedLoop
-from jenga_control.hindsight import PULLS, Hindsight, pull_speed
-from jenga_control.mppi import PRESETS, mppi_preset
-from jenga_control.touch_pull import TouchConfig
+from jenga_control.extraction.closed_loop import DYNAMICS, ClosedLoop
+from jenga_control.extraction.hindsight import PULLS, Hindsight, pull_speed
+from jenga_control.extraction.touch import TouchConfig
+from jenga_control.planning.cost import CostConfig
+from jenga_control.planning.mppi import PRESETS, mppi_preset
 from jenga_data.collect.branches import Branch, Trunk
 from jenga_data.collect.config import ExtractionConfig
 from jenga_data.errors import JengaError

@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int, Shaped
 
-from jenga_control.baselines.learners import fit
-from jenga_control.baselines.suite import Baseline, Side
-from jenga_control.pulls import THRESHOLD
-from jenga_control.selection_models import Family
+from jenga_control.selection.baselines.learners import fit
+from jenga_control.selection.baselines.suite import Baseline, Side
+from jenga_control.selection.models import Family
+from jenga_control.selection.pulls import THRESHOLD
 
 SIZES = (50, 100, 200, 400, 800, 1600, 3200, 6400, 12800)
 DRAWS = 3

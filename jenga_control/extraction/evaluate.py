@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from jenga_control.extraction import ClosedLoop
-from jenga_control.extraction_scores import Ended, paired, scores
-from jenga_control.hindsight import Hindsight
-from jenga_control.selected_stage import selected_stage
-from jenga_control.touch_pull import TouchConfig
-from jenga_control.ways import Choices, Pullers, Way, ways
+from jenga_control.extraction.closed_loop import ClosedLoop
+from jenga_control.extraction.hindsight import Hindsight
+from jenga_control.extraction.scores import Ended, paired, scores
+from jenga_control.extraction.selected_stage import selected_stage
+from jenga_control.extraction.touch import TouchConfig
+from jenga_control.extraction.ways import Choices, Pullers, Way, ways
 from jenga_data.collect.branch_workers import Missing, branch_path, run_branches
 from jenga_data.collect.branches import Trunk
 from jenga_data.collect.config import SEED_LIMIT, Actor, ExtractionConfig

@@ -7,7 +7,7 @@ that it carries, which makes them its level mates.
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from jenga_control.baselines.structure import Structure
+from jenga_control.selection.baselines.structure import Structure
 from jenga_data.blocks import GRAVITY
 
 MM = 1e3

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from jenga_control.baselines.structure import Structure
+from jenga_control.selection.baselines.structure import Structure
 from jenga_data.blocks import GRAVITY, NOMINAL_SIZE, Blocks
 from jenga_data.contact_law import ContactLaw
 from jenga_data.statics import Equilibrium, PlanarPose, solve

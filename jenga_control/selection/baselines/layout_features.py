@@ -7,8 +7,8 @@ left and right. Positions are those of nominal blocks in their slots, as no metr
 import numpy as np
 from jaxtyping import Float
 
-from jenga_control.baselines.graph_features import MM, graph_features, spread
-from jenga_control.baselines.structure import Structure
+from jenga_control.selection.baselines.graph_features import MM, graph_features, spread
+from jenga_control.selection.baselines.structure import Structure
 from jenga_data.blocks import NOMINAL_SIZE
 from jenga_data.tower import CENTRE, EMPTY, SLOTS, Layout, nominal_poses
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Int
 
-from jenga_control.baselines.suite import Side
-from jenga_control.selection_models import Family
+from jenga_control.selection.baselines.suite import Side
+from jenga_control.selection.models import Family
 from jenga_models.columns import Rows, dataset_name
 
 COUNT = 10

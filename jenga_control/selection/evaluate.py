@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float
 
 import jenga_models
-from jenga_control.baselines.features import Part
-from jenga_control.baselines.suite import Side, Which, predict_baselines
-from jenga_control.pulls import THRESHOLD, Prediction, Pulls, first_pulls
-from jenga_control.selection_scores import grouped_scores, more_often_right, scores
+from jenga_control.selection.baselines.features import Part
+from jenga_control.selection.baselines.suite import Side, Which, predict_baselines
+from jenga_control.selection.pulls import THRESHOLD, Prediction, Pulls, first_pulls
+from jenga_control.selection.scores import grouped_scores, more_often_right, scores
 from jenga_data.errors import JengaError
 from jenga_data.statistics import proportion_over_towers
 from jenga_models.checkpoint import Checkpoint, check_dataset

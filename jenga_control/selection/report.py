@@ -8,15 +8,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool
 
-from jenga_control import selection_figures as figures
-from jenga_control.baselines.suite import LEARNED, Side, Which, predict_baselines
-from jenga_control.evaluate_selection import NO_CEILING, read_ceiling, sides
-from jenga_control.mistakes import worst_mistakes
-from jenga_control.pulls import INFORMATION, Prediction, first_pulls
-from jenga_control.selection_curve import baseline_curve, model_curve
-from jenga_control.selection_models import Family, families
-from jenga_control.selection_scores import grouped_scores, more_often_right, scores
-from jenga_control.selection_towers import shown_towers, towers_figure
+from jenga_control.selection import figures
+from jenga_control.selection.baselines.suite import LEARNED, Side, Which, predict_baselines
+from jenga_control.selection.curve import baseline_curve, model_curve
+from jenga_control.selection.evaluate import NO_CEILING, read_ceiling, sides
+from jenga_control.selection.mistakes import worst_mistakes
+from jenga_control.selection.models import Family, families
+from jenga_control.selection.pulls import INFORMATION, Prediction, first_pulls
+from jenga_control.selection.scores import grouped_scores, more_often_right, scores
+from jenga_control.selection.towers import shown_towers, towers_figure
 from jenga_control.tables import selection_report_tables
 from jenga_data.graph_spec import GRAPHS
 from jenga_data.replay import style

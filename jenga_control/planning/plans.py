@@ -11,11 +11,11 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from jenga_control.cost import CostConfig
-from jenga_control.dynamics import Dynamics, Learned, NothingMoves
-from jenga_control.extraction import MPPIPolicy
-from jenga_control.mppi import MPPIConfig
-from jenga_control.mppi import Plan as Decision
+from jenga_control.extraction.closed_loop import MPPIPolicy
+from jenga_control.planning.cost import CostConfig
+from jenga_control.planning.dynamics import Dynamics, Learned, NothingMoves
+from jenga_control.planning.mppi import MPPIConfig
+from jenga_control.planning.mppi import Plan as Decision
 from jenga_data.collect.draws import episode_rng
 from jenga_data.collect.extraction import executable
 from jenga_data.episode import Episode

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from jenga_control.cost import CostConfig, plan_cost
-from jenga_control.dynamics import Dynamics, Learned, NothingMoves
-from jenga_control.mppi import Controller, MPPIConfig, Plan
-from jenga_control.touch_pull import CarefulTouch, TouchConfig
+from jenga_control.extraction.touch import CarefulTouch, TouchConfig
+from jenga_control.planning.cost import CostConfig, plan_cost
+from jenga_control.planning.dynamics import Dynamics, Learned, NothingMoves
+from jenga_control.planning.mppi import Controller, MPPIConfig, Plan
 from jenga_data.collect.branches import Branch, Trunk
 from jenga_data.collect.config import Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng
@@ -121,7 +121,7 @@ class ClosedLoop:
     def _mppi(self, rng: np.random.Generator) -> MPPIPolicy:
         dynamics = None
         if self.model_name == "simulator":
-            from jenga_control.simulator_dynamics import Simulated
+            from jenga_control.extraction.simulator import Simulated
 
             dynamics = Simulated(self.threads)
         elif self.model_name == "trivial":

@@ -8,9 +8,9 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from jenga_control.evaluate_extraction import PAPER
-from jenga_control.extraction_figures import causes_figure, rounds_figure, speed_figure
-from jenga_control.extraction_scores import Ended, clean, paired, scores, succeeded
+from jenga_control.extraction.evaluate import PAPER
+from jenga_control.extraction.figures import causes_figure, rounds_figure, speed_figure
+from jenga_control.extraction.scores import Ended, clean, paired, scores, succeeded
 from jenga_control.tables import extraction_report_tables
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.workers import RECIPE

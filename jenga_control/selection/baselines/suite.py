@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float
 
-from jenga_control.baselines.features import FeatureTable, Part
-from jenga_control.baselines.learners import fit
-from jenga_control.pulls import Prediction, Pulls
+from jenga_control.selection.baselines.features import FeatureTable, Part
+from jenga_control.selection.baselines.learners import fit
+from jenga_control.selection.pulls import Prediction, Pulls
 from jenga_data.progress import progress
 from jenga_data.tower import CENTRE
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import msgspec
 import numpy as np
 
-from jenga_control.extraction import StraightPull
+from jenga_control.extraction.closed_loop import StraightPull
 from jenga_data.collect.branches import Branch, Trunk
 from jenga_data.collect.config import Actor, ExtractionConfig
 from jenga_data.collect.draws import episode_rng

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Shaped
 
-from jenga_control.pulls import THRESHOLD, Pulls
+from jenga_control.selection.pulls import THRESHOLD, Pulls
 from jenga_data.statistics import (
     auroc,
     brier,

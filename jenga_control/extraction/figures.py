@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from jenga_control.extraction_scores import ROUNDS
-from jenga_control.hindsight import FASTEST
+from jenga_control.extraction.hindsight import FASTEST
+from jenga_control.extraction.scores import ROUNDS
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.extraction import MAX_STEP_CHANGE
 from jenga_data.palette import BLUE, GREEN, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, UNKNOWN, VERMILLION, YELLOW

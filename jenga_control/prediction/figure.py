@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float, Int
 
-from jenga_control.evaluate_dynamics import HORIZONS
+from jenga_control.prediction.evaluate import HORIZONS
 from jenga_data.blocks import Blocks
 from jenga_data.replay import style
 from jenga_data.replay.measures import MM

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jenga_control.dynamics import target_moves
+from jenga_control.planning.dynamics import target_moves
 from jenga_data.errors import JengaError
 from jenga_data.statistics import ratio_bootstrap
 from jenga_models.checkpoint import Checkpoint, check_dataset
@@ -127,7 +127,7 @@ def dynamics_report(horizons: dict[str, Predictions]) -> dict[str, Any]:
     return {
         **report,
         "rank_correlation": None,
-        "rank_correlation_reason": "not measured: it needs --truth, see `jenga eval ceiling`, the simulator on plans",
+        "rank_correlation_reason": "not measured: it needs --truth, see `jenga eval simulator`, the simulator on plans",
     }
 
 
@@ -157,7 +157,7 @@ def evaluate_dynamics(checkpoint: Checkpoint | Path | str, dataset: Rows, truth:
     that no test episode is long enough for has no rows, and a `reason`.
 
     Args:
-        truth: folder of `jenga eval ceiling`, for the rank correlation of plans and the ceiling.
+        truth: folder of `jenga eval simulator`, for the rank correlation of plans and the ceiling.
 
     Raises:
         JengaError: there are no test rows, or the checkpoint or the dataset is of another kind.
@@ -190,8 +190,8 @@ def evaluate_dynamics(checkpoint: Checkpoint | Path | str, dataset: Rows, truth:
 
 
 def _against_simulator(model: Checkpoint, truth: Path) -> dict[str, Any]:
-    from jenga_control.ceiling import from_folder  # it scores restarts by this file's means
-    from jenga_control.dynamics import Learned
+    from jenga_control.planning.dynamics import Learned
+    from jenga_control.prediction.ceiling import from_folder  # it scores restarts by this file's means
     from jenga_models.predict import LearnedDynamics
 
     found = from_folder(truth, Learned(LearnedDynamics(model)))

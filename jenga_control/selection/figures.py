@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from jenga_control.pulls import Prediction, Pulls, by_information
+from jenga_control.selection.pulls import Prediction, Pulls, by_information
 from jenga_data.palette import BLUE, GREEN, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from jenga_data.report import number
 from jenga_data.statistics import BINS

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float, Int
 
-from jenga_control.pulls import Prediction, Pulls
+from jenga_control.selection.pulls import Prediction, Pulls
 from jenga_data.errors import JengaError
 from jenga_models.checkpoint import Checkpoint, check_dataset
 from jenga_models.columns import Rows

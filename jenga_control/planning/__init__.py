@@ -1,0 +1,1 @@
+"""MPPI: plans, what they cost, and what predicts the tower under them."""
