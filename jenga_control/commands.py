@@ -72,7 +72,7 @@ def evaluate() -> dict[str, Verb]:
         Args:
             model: folder of a checkpoint.
             dataset: NAME@X.Y.Z or a folder.
-            truth: folder of `jenga eval simulator`: the ceiling, and the rank correlation of plans, are reported as well.
+            truth: folder of `jenga eval simulator`: adds the ceiling, and the rank correlation of plans.
             figure: a PNG of true and predicted towers, as in the paper's appendix.
         """
         from jenga_control.prediction.evaluate import evaluate_dynamics
