@@ -1,34 +1,18 @@
 """What Lightning asks for batches: graphs of a dataset's rows, with what the network should say of them."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import torch
 from jaxtyping import Int
 from lightning.pytorch import LightningDataModule
 from torch import Tensor
 from torch.utils.data import DataLoader, Dataset
 
+from jenga_models.batch import Batch
 from jenga_models.features import Featurizer
-from jenga_models.graphs import Graphs
 from jenga_models.ready import ReadyStore
 from jenga_models.store import EpochOrder, GraphStore
-
-
-@dataclass(frozen=True, eq=False)
-class Batch:
-    """Graphs and what the network should say of them."""
-
-    graphs: Graphs
-    wanted: Tensor
-
-    def __len__(self) -> int:
-        return len(self.graphs)
-
-    def to(self, device: torch.device, non_blocking: bool = False) -> "Batch":
-        return Batch(self.graphs.to(device, non_blocking), self.wanted.to(device, non_blocking=non_blocking))
 
 
 class Batches(Dataset[Batch]):

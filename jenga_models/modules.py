@@ -10,9 +10,9 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from jenga_data.graph_spec import graph_spec
+from jenga_models.batch import Batch
 from jenga_models.committee import Committee, mean_log_probability
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
-from jenga_models.data import Batch
 from jenga_models.factored import MOTION_UNIT
 from jenga_models.mirror import mirrored
 

@@ -9,8 +9,8 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from jenga_data.errors import JengaError
+from jenga_models.batch import Batch
 from jenga_models.columns import Rows
-from jenga_models.data import Batch
 from jenga_models.features import Featurizer, feature_slices
 from jenga_models.graphs import Graphs
 from jenga_models.motion import STEP

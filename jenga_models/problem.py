@@ -9,9 +9,9 @@ from torch import Tensor
 from torch.utils.data import Dataset as TorchDataset
 
 from jenga_data.graph_spec import GraphSpec
+from jenga_models.batch import Batch
 from jenga_models.columns import Rows, Towers
 from jenga_models.config import DynamicsTraining, SelectionTraining
-from jenga_models.data import Batch
 from jenga_models.features import Featurizer
 from jenga_models.normalisation import Normalisation
 from jenga_models.plans import PlanBatches, PlanTruth, lags, worth_learning

@@ -94,7 +94,8 @@ def evaluate_extraction(
     trunk = partial(_trunk, switches.select, switches.push_control)
 
     def tell(missing: Missing) -> None:
-        sys.stderr.write(cost_line(found, config.body, workers, missing) + "\n")
+        if sys.stderr.isatty():  # for people, as the bars
+            sys.stderr.write(cost_line(found, config.body, workers, missing) + "\n")
 
     pullers = Pullers(found)
     done = run_branches(

@@ -45,7 +45,7 @@ def rows_of(episode: Episode, number: Int[np.ndarray, " frame"] | None = None) -
     return rows_of_all([(episode, np.arange(len(episode.pose)) if number is None else number)])
 
 
-def rows_of_all(episodes: Sequence[tuple[Episode, Int[np.ndarray, " frame"]]]) -> Rows:
+def rows_of_all(episodes: Sequence[tuple[Episode, Int[np.ndarray, " _"]]]) -> Rows:
     """The rows of episodes of one kind and size, one episode after the other: many at once take less time.
 
     Raises:
@@ -105,7 +105,7 @@ def _keys(episode: Episode, frames: Int[np.ndarray, " row"]) -> dict[str, np.nda
     return keys | {"frame": frames}
 
 
-def _state(taken: Sequence[tuple[Episode, Int[np.ndarray, " row"]]]) -> Rows:
+def _state(taken: Sequence[tuple[Episode, Int[np.ndarray, " _"]]]) -> Rows:
     blocks = len(taken[0][0].header.blocks)
     count = [len(frames) for _, frames in taken]
     same = {

@@ -10,7 +10,7 @@ import torch
 from jenga_data.dataset.read import Dataset
 from jenga_data.graph import node_features
 from jenga_data.graph_spec import GraphSpec
-from jenga_models.data import Batch
+from jenga_models.batch import Batch
 
 with (
     warnings.catch_warnings()

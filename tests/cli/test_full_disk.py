@@ -77,6 +77,7 @@ def test_convert(selection_logs: Made, selection: Made, disk: Path):
 
 def test_a_disk_that_may_only_be_read(selection_logs: Made, disk: Path):
     """As a folder without permission, which does not stop root."""
+    subprocess.run(["mount", "-o", "remount,size=32m", str(disk)], check=True)
     shutil.copytree(selection_logs.path, disk / "logs")
     before = contents(disk)
     subprocess.run(["mount", "-o", "remount,ro", str(disk)], check=True)

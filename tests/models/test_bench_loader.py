@@ -9,15 +9,14 @@ from fake_towers import FakeDataset
 
 from jenga_data.errors import JengaError
 from jenga_data.graph_spec import GRAPHS
-from jenga_models.bench.loader import Contest, bench_loader
+from jenga_models.bench.loader import PRESETS_SHOWN, Contest, bench_loader
 from jenga_models.bench.pyg import same
 from jenga_models.bench.tiled import Tiled
 from jenga_models.columns import Rows, Towers
 from jenga_models.store import GraphStore
 
 
-@pytest.mark.parametrize("kind", ["selection", "dynamics"])
-@pytest.mark.parametrize("preset", ["paper", "best"])
+@pytest.mark.parametrize(("kind", "preset"), [(kind, p) for kind, shown in PRESETS_SHOWN.items() for p in shown])
 def test_both_sides_make_the_same_batches_and_are_timed(kind, preset, request):
     data: FakeDataset = request.getfixturevalue(f"{kind}_data")
     contest = Contest.of(data, preset, batch_size=64, seed=3, at_least=400)
@@ -30,7 +29,7 @@ def test_both_sides_make_the_same_batches_and_are_timed(kind, preset, request):
 
 @pytest.mark.parametrize("part", ["node", "edge_index", "edge", "action", "target", "graph", "wanted"])
 def test_a_batch_that_differs_anywhere_is_noticed(dynamics_data: FakeDataset, part: str):
-    contest = Contest.of(dynamics_data, "best", batch_size=8, seed=0, at_least=8)
+    contest = Contest.of(dynamics_data, "fast", batch_size=8, seed=0, at_least=8)
     rows = torch.arange(8)
     ours, theirs = contest.batches[rows], contest.their_batch(rows)
     assert same(ours, theirs)

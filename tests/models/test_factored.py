@@ -12,10 +12,10 @@ from jenga_data.errors import JengaError
 from jenga_data.graph_spec import graph_spec
 from jenga_data.tower import TowerState
 from jenga_models.ahead import answers_plans, plan_ahead, rows_of
+from jenga_models.batch import Batch
 from jenga_models.checkpoint import load
 from jenga_models.columns import Towers
 from jenga_models.config import DYNAMICS_PRESETS, DynamicsTraining
-from jenga_models.data import Batch
 from jenga_models.features import Featurizer
 from jenga_models.graphs import Graphs
 from jenga_models.metrics import predict_dynamics, rollout_dynamics, windows

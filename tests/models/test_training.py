@@ -14,10 +14,10 @@ import torch
 from fake_towers import FakeDataset, fake_dataset
 
 from jenga_data.errors import CheckFailed, JengaError
+from jenga_models.batch import Batch
 from jenga_models.checkpoint import load
 from jenga_models.committee import Committee
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS, DynamicsTraining, SelectionTraining
-from jenga_models.data import Batch
 from jenga_models.metrics import predict_dynamics, predict_selection
 from jenga_models.modules import SelectionModule
 from jenga_models.train import train_dynamics, train_selection
