@@ -4,7 +4,7 @@ from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 
-from jenga_control.selection.rank import Selector, rank
+from jenga_control.selection.ranking import Selector, rank
 from jenga_data.collect.config import ExtractionConfig
 from jenga_data.collect.stage import Stage, set_stage
 from jenga_data.tower import quarter_turns_for

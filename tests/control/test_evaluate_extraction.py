@@ -183,9 +183,12 @@ def test_a_bug_in_one_way_costs_the_others_nothing(pulls, tmp_path):
     assert not (tmp_path / "straight" / "set_aside").exists()
 
 
-def test_the_cost_is_told_before_anything_is_pulled(pulls, tmp_path, capsys):
+def test_the_cost_is_told_to_people_before_anything_is_pulled(pulls, tmp_path, capsys, monkeypatch):
+    evaluate(tmp_path / "unseen", "naive", "straight", towers=2)
+    assert capsys.readouterr().err == ""
+    monkeypatch.setattr("sys.stderr.isatty", lambda: True)
     evaluate(tmp_path, "naive", "straight", towers=2)
     told = capsys.readouterr().err
-    assert told.startswith("2 towers, 4 rollouts to do: about ")
+    assert "2 towers, 4 rollouts to do: about " in told
     evaluate(tmp_path, "naive", "straight", towers=2)
-    assert capsys.readouterr().err == ""
+    assert "rollouts to do" not in capsys.readouterr().err

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from made_up_dataset import selection_dataset, untrained
 
-from jenga_control.selection.rank import rank
+from jenga_control.selection import rank
 from jenga_data.blocks import sample_blocks
 from jenga_data.errors import JengaError
 from jenga_data.tower import Layout, TowerState
