@@ -17,7 +17,8 @@ from jenga_models.levels import Levels
 
 
 class Sweep(nn.Module):
-    """One pass through the tower, from the top down or from the bottom up.
+    """One pass through the tower, from the top down or from the bottom up. Places without a block hold anything:
+    nobody listens to them.
 
     h' = norm(h + MLP([h, sum of ReLU(W [h, h_m]) over level mates m, sum of ReLU(U [h, h'_n]) over the blocks n of
     the level before that touch it])).
@@ -49,7 +50,7 @@ class Sweep(nn.Module):
                 message = by_before[:, :, k, :, None] + self.from_before(done[-1])[..., None, :, :]
                 hidden = hidden + self.before(_sum(message, rests[:, k]))
             after = state[:, :, k] + self.last(hidden.relu())
-            done.append(functional.layer_norm(after, after.shape[-1:]) * levels.held[:, k, :, None])
+            done.append(functional.layer_norm(after, after.shape[-1:]))
         return torch.stack(done[::-1] if self.down else done, dim=2)
 
 
@@ -78,7 +79,6 @@ class SweepClassifier(Committee):
         node = graphs.node.clone()
         node[..., self.flag] = 0.0
         state = self.encode(levels.spread(node).expand(self.members, -1, -1, -1, -1))
-        state = state * levels.held[..., None]
         for sweep in self.sweeps:
             state = sweep(state, levels)
         target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in state])

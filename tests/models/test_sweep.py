@@ -1,6 +1,7 @@
 """Levels are told by the edges alone, news crosses the whole tower, and the mirror changes nothing but the slots."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,9 +21,11 @@ from jenga_models.graphs import Graphs
 from jenga_models.levels import Levels
 from jenga_models.mirror import mirrored
 from jenga_models.normalisation import Normalisation
+from jenga_models.predict import Selector
 from jenga_models.registry import build
 from jenga_models.store import GraphStore
 from jenga_models.sweep import SweepClassifier
+from jenga_models.train import train_selection
 
 SPEC = graph_spec("G_s+layout")
 SWEEP = SelectionTraining(graph="G_s+layout", model="sweep", layers=3, width=8, readout="target")
@@ -67,14 +70,12 @@ def test_values_come_back_from_their_places():
 
 
 def test_an_edge_that_skips_a_level_is_left_out():
-    """2 on 1 on 0, and 2 on 0 besides."""
-    edges = torch.tensor([[1, 2, 2], [0, 1, 0]])
-    graphs = Graphs(
-        torch.ones(3, 1), edges, torch.ones(3, 1), torch.tensor([0]), graph=torch.zeros(3, dtype=torch.long)
-    )
+    """2 on 1 on 0, and 2 on 3 besides, which lies beside 0."""
+    edges, graph = torch.tensor([[1, 2, 2], [0, 1, 3]]), torch.zeros(4, dtype=torch.long)
+    graphs = Graphs(torch.ones(4, 1), edges, torch.ones(3, 1), torch.tensor([0]), graph=graph)
     levels = Levels.of(graphs)
-    assert levels.held.shape == (1, 3, 1)
-    assert levels.on.flatten().tolist() == [0, 1, 1]
+    assert levels.held[0].tolist() == [[1, 1], [1, 0], [1, 0]]
+    assert levels.on.nonzero().tolist() == [[0, 1, 0, 0], [0, 2, 0, 0]]
 
 
 def blocks_that_notice(sweeps: int, changed: int, state: TowerState) -> Tensor:
@@ -109,6 +110,23 @@ def test_one_pass_serves_every_target_of_a_tower():
     node = many[0].node[None]
     shared = replace(many[0], node=node, graph=None, target=torch.tensor([3, 17, 40]))
     torch.testing.assert_close(network(shared), alone, atol=1e-6, rtol=1e-5)
+
+
+def test_ranking_shows_the_network_one_tower_and_not_one_a_target(
+    selection_data: FakeDataset, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    config = replace(SWEEP, epochs=1, accelerator="cpu")
+    selector = Selector(train_selection(selection_data, config, tmp_path / "out").path)
+    seen: list[int] = []
+    each = SweepClassifier.each
+
+    def noted(self: SweepClassifier, graphs: Graphs) -> Tensor:
+        seen.append(len(graphs.node))
+        return each(self, graphs)
+
+    monkeypatch.setattr(SweepClassifier, "each", noted)
+    assert len(selector.failure_probability(tall_tower(), [3, 17, 40])) == 3
+    assert seen == [1]
 
 
 def test_the_mirror_reverses_the_slots_of_whole_levels_and_nothing_else():

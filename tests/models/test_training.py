@@ -122,6 +122,15 @@ def test_validation_towers_are_trained_on_where_the_config_says_so(selection_dat
     assert "validation_loss" not in both.metrics
 
 
+def test_training_shows_towers_mirrored_where_the_config_says_so(selection_data: FakeDataset, tmp_path: Path):
+    config = replace(SWEEP, epochs=1, dropout=0.0, calibrate=False)
+    weights = []
+    for mirror in (True, False):
+        path = train_selection(selection_data, replace(config, mirror=mirror), tmp_path / str(mirror)).path
+        weights.append((path / "model.safetensors").read_bytes())
+    assert weights[0] != weights[1]
+
+
 def test_a_calibrated_committee_is_stored_with_its_temperature(selection_data: FakeDataset, tmp_path: Path):
     network = load(train_selection(selection_data, SWEEP, tmp_path / "out").path).model
     assert isinstance(network, Committee)
