@@ -93,6 +93,7 @@ def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
         widths = Widths(spec.node_width, edge_width, 0 if selection else ACTION_WIDTH, flag)
+        # The table was chosen by the kind of the config, which pyright does not see.
         model = table[config.model](config, widths)  # pyright: ignore[reportArgumentType]
     if isinstance(config, SelectionTraining) and not isinstance(model, Committee):
         given = [f for f, neutral in (("members", 1), ("calibrate", False)) if getattr(config, f) != neutral]

@@ -86,12 +86,8 @@ class Restarts:
     out: Path
 
     def __call__(self, states: States) -> None:
-        episode = read_episode(states.log)
-        resumed = Resumed(episode)
-        for number in states.numbers:
-            path = self.out / f"restart-{episode.header.key}-{number}.npz"
-            if path.exists():
-                continue
+        for resumed, number, path in _to_do(states, self.out, "restart-{}-{}.npz"):
+            episode = resumed.episode
             actions = episode.action[number : number + STEPS]
             poses = []
             for known in KNOWN:
@@ -111,18 +107,13 @@ class Candidates:
     horizon: int
 
     def __call__(self, states: States) -> None:
-        episode = read_episode(states.log)
-        resumed = Resumed(episode)
-        for number in states.numbers:
-            path = self.out / f"decision-{episode.header.key}-{number}-{self.count}x{self.horizon}.npz"
-            if path.exists():
-                continue
-            plans = self.plans(episode, number)
+        for resumed, number, path in _to_do(states, self.out, f"decision-{{}}-{{}}-{self.count}x{self.horizon}.npz"):
+            plans = self.plans(resumed.episode, number)
             poses = []
             for plan in plans:
                 resumed.restart(number)
                 poses.append(resumed.play(plan))
-            _branches(episode, number, plans, np.stack(poses)).write(path)
+            _branches(resumed.episode, number, plans, np.stack(poses)).write(path)
 
     def plans(self, episode: Episode, number: int) -> Float[np.ndarray, "plan step 3"]:
         """Plans around the last action's speed along x, within the arm's limits."""
@@ -137,6 +128,19 @@ class Candidates:
             for step in range(self.horizon):
                 last = plan[step] = executable(drawn[step], last)
         return plans
+
+
+def _to_do(states: States, out: Path, name: str) -> Iterator[tuple[Resumed, int, Path]]:
+    """The log taken up again, the number of each of its states that has no file yet, and that file.
+
+    `name` has places for the episode's key and the number.
+    """
+    episode = read_episode(states.log)
+    resumed = Resumed(episode)
+    for number in states.numbers:
+        path = out / name.format(episode.header.key, number)
+        if not path.exists():
+            yield resumed, number, path
 
 
 def lag_before(episode: Episode, number: int) -> Float[np.ndarray, "3"]:

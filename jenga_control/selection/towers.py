@@ -13,18 +13,20 @@ from matplotlib.patches import Rectangle
 
 from jenga_data.blocks import NOMINAL_SIZE, Blocks
 from jenga_data.outcome import Outcome
-from jenga_data.palette import INK, MUTED_INK, PAPER, UNKNOWN, probability_colours
+from jenga_data.palette import INK, MUTED_INK, PAPER, probability_colours
 from jenga_data.tower import CENTRE, Layout, TowerState
 from jenga_models.checkpoint import Checkpoint
 from jenga_models.columns import Rows
 from jenga_models.predict import Selector
 
+Rgb = tuple[float, float, float]
+
 COUNT = 4
 MARKS = {Outcome.EXTRACTED: "o", Outcome.STUCK: "s", Outcome.COLLAPSED: "X"}
 _GRAIN = "--"
 """On a block that lies across the view: which one it is cannot be seen, and it has no colour of its own."""
-_LEFT_OUT = tuple(0.5 * part + 0.5 for part in UNKNOWN)
-"""A block that may not be pulled."""
+_LEFT_OUT = (0.81, 0.82, 0.835)
+"""A block that may not be pulled: half way from the colour of what is not known to white."""
 
 
 def shown_towers(dataset: Rows, rows: Int[np.ndarray, " row"], count: int = COUNT) -> Shaped[np.ndarray, " tower"]:
@@ -89,8 +91,8 @@ def _view(axes: Axes, layout: Layout, side: int, chance: Float[np.ndarray, " blo
         # Seen from -x (even levels) slot 0 is on the right; seen from -y (odd levels) as well.
         x = -(place.slot - CENTRE) * width
         legal = np.isfinite(chance[block])
-        colour = colours[block] if legal else _LEFT_OUT
-        axes.add_patch(_face(x - width / 2, place.level * height, width, height, colour))
+        red, green, blue = colours[block] if legal else _LEFT_OUT
+        axes.add_patch(_face(x - width / 2, place.level * height, width, height, (red, green, blue)))
         if block in outcome:
             axes.plot(
                 x, (place.level + 0.5) * height, MARKS[Outcome(outcome[block])], markersize=8, color=PAPER,
@@ -105,8 +107,8 @@ def _view(axes: Axes, layout: Layout, side: int, chance: Float[np.ndarray, " blo
         spine.set_visible(False)
 
 
-def _face(x: float, y: float, width: float, height: float, colour: object) -> Rectangle:
-    return Rectangle((x, y), width, height, facecolor=colour, edgecolor=MUTED_INK, linewidth=0.7)  # pyright: ignore
+def _face(x: float, y: float, width: float, height: float, colour: Rgb) -> Rectangle:
+    return Rectangle((x, y), width, height, facecolor=colour, edgecolor=MUTED_INK, linewidth=0.7)
 
 
 def _across(x: float, y: float, width: float, height: float) -> Rectangle:
@@ -125,7 +127,7 @@ def _explain(figure: Figure, grid: np.ndarray, seen: set[str]) -> None:
         for o in MARKS
         if o in seen
     ]
-    grey = Rectangle((0, 0), 1, 1, facecolor=_LEFT_OUT, edgecolor=MUTED_INK, label="no legal target")  # pyright: ignore
+    grey = Rectangle((0, 0), 1, 1, facecolor=_LEFT_OUT, edgecolor=MUTED_INK, label="no legal target")
     across = _across(0, 0, 1, 1)
     across.set_label("lies across this view")
     figure.legend(handles=[*marks, grey, across], loc="outside lower center", ncols=5)

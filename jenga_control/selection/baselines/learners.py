@@ -43,7 +43,7 @@ LEARNERS: dict[str, Learner] = {
         lambda: HistGradientBoostingClassifier(
             learning_rate=0.06,
             min_samples_leaf=10,
-            early_stopping=False,  # pyright: ignore[reportArgumentType]
+            early_stopping=False,  # pyright: ignore[reportArgumentType]  # its stub takes the default for the type
             random_state=SEED,
         ),
         {"max_iter": [50, 150], "max_leaf_nodes": [4, 12]},
