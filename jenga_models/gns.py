@@ -1,5 +1,6 @@
 """Graph network simulator: encoder, processing layers, decoder; and a classifier on the same trunk."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from jaxtyping import Float
@@ -15,13 +16,13 @@ ACTION_WIDTH = 3
 
 @dataclass(frozen=True)
 class Widths:
-    """Numbers a node, an edge and a graph (its action) bring in; what a model is built for. `flag` is the column of
-    the nodes that marks the target."""
+    """Numbers a node, an edge and a graph (its action) bring in; what a model is built for. `at` says where in a
+    node's row each feature stands (`jenga_models.features.feature_slices`)."""
 
     node: int
     edge: int
     action: int
-    flag: int
+    at: Mapping[str, slice]
 
 
 class Trunk(nn.Module):

@@ -89,10 +89,9 @@ def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:
             f"unknown model {config.model!r} for {kind}; registered: {', '.join(table)}; "
             "import the module that registers yours first"
         )
-    flag = feature_slices(spec)["target_flag"].start
     with torch.random.fork_rng(devices=[]):
         torch.manual_seed(config.seed)
-        widths = Widths(spec.node_width, edge_width, 0 if selection else ACTION_WIDTH, flag)
+        widths = Widths(spec.node_width, edge_width, 0 if selection else ACTION_WIDTH, feature_slices(spec))
         # The table was chosen by the kind of the config, which pyright does not see.
         model = table[config.model](config, widths)  # pyright: ignore[reportArgumentType]
     if isinstance(config, SelectionTraining) and not isinstance(model, Committee):

@@ -14,6 +14,7 @@ from jenga_models.committee import Committee, MemberLinear
 from jenga_models.gns import CLASSES, Widths
 from jenga_models.graphs import Graphs
 from jenga_models.levels import Levels
+from jenga_models.relations import relations, relations_width
 
 
 class Sweep(nn.Module):
@@ -59,27 +60,30 @@ def _sum(message: Float[Tensor, "*batch place other width"], from_: Float[Tensor
 
 
 class SweepClassifier(Committee):
-    """Sweeps down, up, down, ... and a readout -> logits of (holds, fails).
+    """Relations between blocks, sweeps down, up, down, ... and a readout -> logits of (holds, fails).
 
-    The sweeps do not look at the target's flag: one pass through a tower serves all its targets, where the readout is
-    taken.
+    Neither the relations nor the sweeps look at the target's flag: one pass through a tower serves all its targets,
+    where the readout is taken. It sees the target as it came out of the sweeps, and as it went in.
     """
 
     def __init__(self, widths: Widths, *, width: int, sweeps: int, members: int, dropout: float) -> None:
         super().__init__()
-        self.members, self.flag = members, widths.flag
-        self.encode = MemberLinear(members, widths.node, width)
+        self.members, self.at = members, widths.at
+        self.encode = MemberLinear(members, widths.node + relations_width(widths.at), width)
         self.sweeps = nn.ModuleList(Sweep(members, width, down=k % 2 == 0) for k in range(sweeps))
-        self.hidden = MemberLinear(members, width, width)
         self.dropout = nn.Dropout(dropout)
+        self.hidden = MemberLinear(members, 2 * width, width)
         self.readout = MemberLinear(members, width, CLASSES)
 
     def each(self, graphs: Graphs) -> Float[Tensor, "member graph 2"]:
         levels = Levels.of(graphs)
         node = graphs.node.clone()
-        node[..., self.flag] = 0.0
-        state = self.encode(levels.spread(node).expand(self.members, -1, -1, -1, -1))
+        node[..., self.at["target_flag"]] = 0.0
+        placed = levels.spread(node)
+        known = torch.cat([placed, relations(levels, placed, self.at)], dim=-1)
+        start = state = self.encode(known.expand(self.members, -1, -1, -1, -1))
         for sweep in self.sweeps:
             state = sweep(state, levels)
-        target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in state])
-        return self.readout(self.dropout(self.hidden(target).relu()))
+        both = torch.cat([state, start], dim=-1)
+        target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in both])
+        return self.readout(self.dropout(self.hidden(self.dropout(target)).relu()))

@@ -142,7 +142,7 @@ def test_the_light_layer_equals_a_message_mlp_that_is_summed_after_its_last_line
 @pytest.mark.parametrize("memory", [False, True])
 def test_a_layer_carries_news_one_edge_further(memory: bool, shared: bool):
     torch.manual_seed(0)  # of some weights all units that hear the news are dead
-    trunk = Trunk(Widths(2, 1, 0, 0), width=8, layers=3, hidden_layers=1, edge_memory=memory, shared=shared)
+    trunk = Trunk(Widths(2, 1, 0, {}), width=8, layers=3, hidden_layers=1, edge_memory=memory, shared=shared)
     chain = torch.stack([torch.arange(5), torch.arange(1, 6)])
     graphs = Graphs(
         torch.randn(6, 2), chain, torch.ones(5, 1), torch.tensor([0]), graph=torch.zeros(6, dtype=torch.long)

@@ -81,7 +81,9 @@ def test_an_edge_that_skips_a_level_is_left_out():
 def blocks_that_notice(sweeps: int, changed: int, state: TowerState) -> Tensor:
     """Which targets' logits change with the mass of one block."""
     torch.manual_seed(0)
-    network = SweepClassifier(Widths(SPEC.node_width, 1, 0, 4), width=16, sweeps=sweeps, members=1, dropout=0.0)
+    network = SweepClassifier(
+        Widths(SPEC.node_width, 1, 0, feature_slices(SPEC)), width=16, sweeps=sweeps, members=1, dropout=0.0
+    )
     network = network.double().eval()  # what comes from far away is faint before a network has learnt anything
     graphs = flat(state)
     graphs = replace(graphs, node=graphs.node.double(), target=torch.arange(54))
