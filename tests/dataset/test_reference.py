@@ -1,0 +1,47 @@
+"""The reference data that come with a clone: whole, as promised, and with logs that they were made from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from jenga_data.dataset.locate import FOLDER
+from jenga_data.dataset.manifest import MANIFEST, load_manifest
+from jenga_data.dataset.read import open_dataset
+from jenga_data.dataset.verify import verify
+from jenga_data.log.files import file_sha256
+
+ROOT = Path(__file__).parents[2] / FOLDER
+DATASETS = sorted(path.parent for path in ROOT.glob(f"*/*/{MANIFEST}"))
+LOGS = sorted((ROOT / "samples").glob("*.mcap"))
+MOST_BYTES = 60_000_000
+
+pytestmark = pytest.mark.skipif(not DATASETS, reason="this checkout came without its data")
+
+
+@pytest.mark.parametrize("folder", DATASETS, ids=lambda folder: "-".join(folder.parts[-2:]))
+def test_a_reference_dataset_is_whole(folder):
+    report = verify(folder)
+    assert report.ok, report.checks
+    assert load_manifest(folder).name == folder.parent.name
+    assert load_manifest(folder).version == folder.name
+
+
+def test_it_is_the_paper_s_selection_data():
+    """2,000 (J, b, f), one a tower, of rounds 1 to 15, 4:1."""
+    dataset = open_dataset("jenga-selection@1.0.0")
+    assert len(dataset) == len(set(dataset.column("tower"))) == 2000
+    assert set(dataset.column("round")) == set(range(1, 16))
+    assert 0.3 <= dataset.column("failure").mean() <= 0.6
+    assert len(dataset.rows("test")) == pytest.approx(400, abs=40)
+    assert not np.intersect1d(dataset.rows("test"), dataset.rows("train+validation")).size
+
+
+def test_all_of_it_is_small_enough_to_clone():
+    assert sum(path.stat().st_size for path in ROOT.rglob("*") if path.is_file()) < MOST_BYTES
+
+
+def test_every_sample_is_a_log_of_a_reference_dataset():
+    known = {digest for folder in DATASETS for digest in open_dataset(folder).episodes()["log_sha256"]}
+    assert len(LOGS) >= 12
+    assert {file_sha256(path) for path in LOGS} <= known
