@@ -27,11 +27,14 @@ def evaluate() -> dict[str, Verb]:
             ceiling: ceiling.json, as `jenga calibrate ceiling` writes it.
             workers: processes that compute mechanics.
         """
-        from jenga_control.selection.evaluate import evaluate_selection, pretrained
+        from jenga_control.selection.evaluate import evaluate_selection
         from jenga_control.tables import selection_tables
         from jenga_data.dataset.read import open_dataset
+        from jenga_models.pretrained import pretrained
 
-        report = evaluate_selection(model or pretrained(), open_dataset(dataset), baselines, workers, ceiling)
+        report = evaluate_selection(
+            model or pretrained("selection"), open_dataset(dataset), baselines, workers, ceiling
+        )
         return Shown(json, report, selection_tables(report))
 
     def dynamics(

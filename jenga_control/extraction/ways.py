@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import jenga_models
 from jenga_control.extraction.closed_loop import DYNAMICS, ClosedLoop
 from jenga_control.extraction.hindsight import PULLS, Hindsight, pull_speed
 from jenga_control.extraction.touch import TouchConfig
@@ -79,20 +78,11 @@ def _count(text: str) -> int:
     return int(text)
 
 
-def pretrained_dynamics() -> tuple[Path, ...]:
-    """The dynamics model that this version of jenga comes with, if it comes with one."""
-    folder = Path(jenga_models.__file__).parent / "pretrained" / "dynamics"
-    return (folder,) if folder.is_dir() else ()
-
-
 def _with_models(name: str, loop: ClosedLoop, models: Sequence[Path]) -> dict[str, Way]:
     from jenga_models.checkpoint import load
+    from jenga_models.pretrained import pretrained
 
-    models = models or pretrained_dynamics()
-    if not models:
-        raise JengaError(
-            "the objective 'full' needs a dynamics model: give one with --model, or choose --objective naive"
-        )
+    models = models or (pretrained("dynamics"),)
     loops = [replace(loop, model=model, model_hash=load(model).require("dynamics").hash) for model in models]
     if len(loops) == 1:
         return {name: loops[0]}

@@ -8,7 +8,6 @@ import msgspec
 import numpy as np
 from jaxtyping import Float
 
-import jenga_models
 from jenga_control.selection.baselines.features import Part
 from jenga_control.selection.baselines.suite import Side, Which, predict_baselines
 from jenga_control.selection.pulls import THRESHOLD, Prediction, Pulls, first_pulls
@@ -137,15 +136,3 @@ def read_ceiling(path: Path) -> dict[str, Any]:
         raise JengaError(f"cannot read {path}: {error.strerror}; `jenga calibrate ceiling` writes it") from error
     except (msgspec.DecodeError, KeyError, TypeError, ValueError):
         raise JengaError(f"{path} is no report of `jenga calibrate ceiling`: name its ceiling.json") from None
-
-
-def pretrained() -> Path:
-    """The selector that this version of jenga comes with.
-
-    Raises:
-        JengaError: it comes with none.
-    """
-    folder = Path(jenga_models.__file__).parent / "pretrained" / "selection"
-    if not folder.is_dir():
-        raise JengaError("this jenga comes with no trained selector; name one: --model CKPT, made by `jenga train`")
-    return folder

@@ -230,7 +230,7 @@ def test_nothing_to_resume(selection: Made, tmp_path):
 
 def test_the_full_objective_needs_a_model(tmp_path):
     line = jenga("eval", "extraction", "--out", tmp_path / "out").line()
-    assert "needs a dynamics model: give one with --model" in line
+    assert "no trained dynamics model; name one: --model" in line
     assert list(tmp_path.iterdir()) == []
 
 

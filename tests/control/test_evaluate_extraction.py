@@ -146,8 +146,8 @@ def test_every_way_is_evaluated_once(controllers, tmp_path):
 
 
 def test_a_missing_model_is_told_before_anything_is_pulled(pulls, tmp_path, monkeypatch):
-    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: ())
-    with pytest.raises(JengaError, match="needs a dynamics model: give one with --model"):
+    monkeypatch.setattr("jenga_models.pretrained.FOLDER", tmp_path)
+    with pytest.raises(JengaError, match="no trained dynamics model; name one: --model"):
         evaluate(tmp_path / "logs", "naive", "full")
     assert pulls.ran == []
     assert not (tmp_path / "logs").exists()

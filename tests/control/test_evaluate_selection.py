@@ -6,7 +6,7 @@ import pytest
 from made_up_dataset import dynamics_dataset, selection_dataset, untrained
 
 from jenga_control.selection import evaluate as module
-from jenga_control.selection.evaluate import evaluate_selection, pretrained, read_ceiling, selection_report, sides
+from jenga_control.selection.evaluate import evaluate_selection, read_ceiling, selection_report, sides
 from jenga_control.selection.pulls import Prediction, Pulls
 from jenga_control.tables import selection_tables
 from jenga_data.errors import JengaError
@@ -147,14 +147,6 @@ def test_the_paper_s_pulls_are_told_apart_from_later_ones_of_their_towers(tmp_pa
     report = evaluate_selection(model, dataset, baselines="none")
     assert report["one_pull_a_tower"]["accuracy"]["n"] == 10
     assert "Of one pull a tower" in selection_tables(report)
-
-
-def test_without_a_shipped_selector_one_must_be_named(tmp_path, monkeypatch):
-    monkeypatch.setattr(module.jenga_models, "__file__", str(tmp_path / "__init__.py"))
-    with pytest.raises(JengaError, match="name one: --model"):
-        pretrained()
-    (tmp_path / "pretrained" / "selection").mkdir(parents=True)
-    assert pretrained() == tmp_path / "pretrained" / "selection"
 
 
 def test_an_untrained_checkpoint_is_scored_with_all_the_keys_that_scripts_rely_on(tmp_path):

@@ -74,18 +74,18 @@ def test_each_way_has_settings_of_its_own():
         ("straight-quick", "'quick' is no speed"),
         ("hindsight-3", "hindsight of 3 pulls; allowed: 8 and more"),
         ("hindsight-13", "hindsight of '13' pulls; allowed: 8 to 12"),
-        ("full", "needs a dynamics model: give one with --model"),
+        ("full", "no trained dynamics model; name one: --model"),
     ],
 )
-def test_a_name_that_means_nothing_is_refused(name, message, monkeypatch):
-    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: ())
+def test_a_name_that_means_nothing_is_refused(name, message, tmp_path, monkeypatch):
+    monkeypatch.setattr("jenga_models.pretrained.FOLDER", tmp_path)
     with pytest.raises(JengaError, match=message):
         named(name)
 
 
 def test_the_model_that_jenga_comes_with_is_asked_where_none_is_named(tmp_path, monkeypatch):
-    model = untrained(tmp_path / "model", MODEL, dynamics_dataset())
-    monkeypatch.setattr("jenga_control.extraction.ways.pretrained_dynamics", lambda: (model,))
+    model = untrained(tmp_path / "dynamics", MODEL, dynamics_dataset())
+    monkeypatch.setattr("jenga_models.pretrained.FOLDER", tmp_path)
     found = named("full")["full"]
     assert isinstance(found, ClosedLoop)
     assert found.model == model

@@ -1,0 +1,22 @@
+"""Trained models that this version of jenga comes with: `selection/` and `dynamics/`, each a checkpoint."""
+
+from pathlib import Path
+from typing import Literal
+
+from jenga_data.errors import JengaError
+from jenga_models.checkpoint import CARD
+
+FOLDER = Path(__file__).parent
+
+
+def pretrained(kind: Literal["selection", "dynamics"]) -> Path:
+    """The folder of the checkpoint.
+
+    Raises:
+        JengaError: it comes with none of that kind.
+    """
+    if not (FOLDER / kind / CARD).is_file():
+        raise JengaError(
+            f"this jenga comes with no trained {kind} model; name one: --model CKPT, made by `jenga train {kind}`"
+        )
+    return FOLDER / kind
