@@ -7,6 +7,7 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from jenga_data.command_line import Inline, Json, Shown, Verb
+from jenga_data.dataset.reference import DYNAMICS, SELECTION
 from jenga_data.errors import JengaError
 
 
@@ -29,8 +30,8 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
         )
 
     def selection(
-        dataset: str,
         out: Path,
+        dataset: str = SELECTION,
         config: Annotated[SelectionTraining, Inline] = selection_default,
         preset: Literal["paper", "best", "fast"] = "best",
         resume: bool = False,
@@ -39,8 +40,8 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
         """Train the selector: does pulling this block fail?
 
         Args:
-            dataset: NAME@X.Y.Z or a folder.
             out: new folder of the checkpoint.
+            dataset: NAME@X.Y.Z or a folder.
             preset: where the hyperparameters below come from; each can be given besides.
             resume: take an interrupted training up.
         """
@@ -52,8 +53,8 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
         return show(train_selection(rows, config, out, resume), json)
 
     def dynamics(
-        dataset: str,
         out: Path,
+        dataset: str = DYNAMICS,
         config: Annotated[DynamicsTraining, Inline] = dynamics_default,
         preset: Literal["paper", "best", "fast"] = "best",
         resume: bool = False,
@@ -62,8 +63,8 @@ def train(args: Sequence[str]) -> dict[str, Verb]:
         """Train the dynamics model: how does the tower move under an action?
 
         Args:
-            dataset: NAME@X.Y.Z or a folder.
             out: new folder of the checkpoint.
+            dataset: NAME@X.Y.Z or a folder.
             preset: where the hyperparameters below come from; each can be given besides.
             resume: take an interrupted training up.
         """
@@ -126,9 +127,10 @@ def _reference_datasets() -> tuple[str, ...]:
     newest: dict[str, str] = {}
     for name in sorted(known_datasets(), key=lambda n: [int(part) for part in n.rpartition("@")[2].split(".")]):
         newest[name.rpartition("@")[0]] = name
-    found = tuple(newest[name] for name in ("jenga-selection", "jenga-dynamics") if name in newest)
+    names = [name.rpartition("@")[0] for name in (SELECTION, DYNAMICS)]
+    found = tuple(newest[name] for name in names if name in newest)
     if not found:
-        raise JengaError("neither jenga-selection nor jenga-dynamics is at hand; name a dataset with --dataset")
+        raise JengaError(f"neither {' nor '.join(names)} is at hand; name a dataset with --dataset")
     return found
 
 

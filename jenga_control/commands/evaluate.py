@@ -7,12 +7,13 @@ import tyro
 
 from jenga_data.collect.config import SEED_LIMIT
 from jenga_data.command_line import Json, MaybePath, Shown, Verb
+from jenga_data.dataset.reference import SELECTION
 
 
 def evaluate() -> dict[str, Verb]:
     def selection(
         model: MaybePath = None,
-        dataset: str = "jenga-selection@1.0.0",
+        dataset: str = SELECTION,
         baselines: Literal["none", "quick", "all"] = "quick",
         ceiling: MaybePath = None,
         workers: int = 2,

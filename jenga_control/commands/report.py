@@ -6,13 +6,14 @@ from typing import Literal
 import tyro
 
 from jenga_data.command_line import Json, MaybePath, Shown, Verb
+from jenga_data.dataset.reference import SELECTION
 
 
 def report() -> dict[str, Verb]:
     def selection(
         out: Path,
         models: tuple[Path, ...] = (),
-        dataset: str = "jenga-selection@1.0.0",
+        dataset: str = SELECTION,
         more: tuple[str, ...] = (),
         baselines: Literal["none", "quick", "all"] = "all",
         ceiling: MaybePath = None,
