@@ -31,6 +31,13 @@ class Committee(nn.Module, ABC):
     def each(self, graphs: Graphs) -> Float[Tensor, "member graph class"]:
         """Logits of every member: training takes the loss of each for itself, or they would lean on each other."""
 
+    def judge(self, graphs: Graphs) -> tuple[Tensor, Tensor]:
+        """The same logits, and what every member says of the verdicts, [member graph verdict]: for those who do.
+
+        See `jenga_models.verdicts`.
+        """
+        raise NotImplementedError
+
     def forward(self, graphs: Graphs) -> Float[Tensor, "graph class"]:
         return mean_log_probability(self.each(graphs)) / self.temperature
 

@@ -98,6 +98,9 @@ class SelectionTraining(Training):
     members: int = 1
     """Networks in one checkpoint, each with its own initial weights (sweep only); it says the mean of their
     probabilities."""
+    verdict: float = 0.0
+    """Weight in the loss of what else became of a pull: how it ended, whether it dragged a block along, how far others
+    moved (sweep only; `jenga_models.verdicts`)."""
     calibrate: bool = False
     """Divide the logits by the number that gives the least loss on the validation towers, so that probabilities are
     honest (sweep only; temperature scaling, Guo 2017, arXiv 1706.04599)."""
@@ -106,6 +109,8 @@ class SelectionTraining(Training):
         super().__post_init__()
         if self.members < 1:
             raise JengaError(f"members is {self.members}; allowed: 1 and more")
+        if not self.verdict >= 0:
+            raise JengaError(f"verdict is {self.verdict}; allowed: 0 and more")
         if not 0 <= self.dropout < 1:
             raise JengaError(f"dropout is {self.dropout}; allowed: 0 to below 1")
         if self.calibrate and self.train_on_validation:
@@ -191,13 +196,14 @@ SELECTION_PRESETS: dict[str, SelectionTraining] = {
         dropout=0.2,
         mirror=True,
         members=4,
+        verdict=1.0,
         calibrate=True,
         learning_rate=2e-3,
         weight_decay=1e-2,
         schedule="cosine",
         gradient_clip=1.0,
         batch_size=50,
-        epochs=30,
+        epochs=16,
         patience=8,
     ),
     "fast": SelectionTraining(

@@ -15,6 +15,7 @@ from jenga_models.committee import Committee, mean_log_probability
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.factored import MOTION_UNIT
 from jenga_models.mirror import mirrored
+from jenga_models.verdicts import labels, verdict_loss
 
 PLAN_WEIGHTS = (1.0, 0.5, 0.2)
 """Of the errors of steps, of their sums and of velocities."""
@@ -61,17 +62,22 @@ class _Module(LightningModule, ABC):
 
 
 class SelectionModule(_Module):
-    """Cross-entropy over (holds, fails) (paper, section II-B); in training that of each member of a committee."""
+    """Cross-entropy over (holds, fails) (paper, section II-B); in training that of each member of a committee, and what
+    it says of the verdicts besides."""
 
     config: SelectionTraining
 
     def metrics(self, batch: Batch) -> dict[str, Tensor]:
-        graphs, wanted = batch.graphs, batch.wanted
+        graphs, wanted = batch.graphs, labels(batch.wanted)
         if self.training and self.config.mirror:
             graphs = mirrored(graphs, graph_spec(self.config.graph))
         if self.training and isinstance(self.network, Committee):
-            each = self.network.each(graphs)
-            loss = functional.cross_entropy(each.flatten(0, 1), wanted.repeat(len(each)))
+            if self.config.verdict:
+                each, verdicts = self.network.judge(graphs)
+                more = self.config.verdict * verdict_loss(verdicts, batch.wanted)
+            else:
+                each, more = self.network.each(graphs), 0.0
+            loss = functional.cross_entropy(each.flatten(0, 1), wanted.repeat(len(each))) + more
             logits = mean_log_probability(each)
         else:
             logits = self.network(graphs)

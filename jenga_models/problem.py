@@ -18,11 +18,12 @@ from jenga_models.plans import PlanBatches, PlanTruth, lags, worth_learning
 from jenga_models.scaling import fit_features, fit_targets
 from jenga_models.simulator import Simulator
 from jenga_models.store import GraphStore
+from jenga_models.verdicts import with_verdicts
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Graphs of all rows of a dataset. `wanted` holds a label a row, or an output a block."""
+    """Graphs of all rows of a dataset. `wanted` holds a label a row, with verdicts or without, or an output a block."""
 
     store: GraphStore
     wanted: Tensor
@@ -39,6 +40,8 @@ def selection_problem(
     """Does pulling the target fail? Scaled by the rows `train`."""
     store = GraphStore.of(spec, Towers.of_dataset(dataset))
     wanted = torch.from_numpy(dataset.column(config.label).astype(np.int64))
+    if config.verdict:
+        wanted = with_verdicts(dataset, wanted)
     return Problem(store, wanted, fit_features(config, spec, store, train))
 
 

@@ -94,8 +94,17 @@ def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:
         widths = Widths(spec.node_width, edge_width, 0 if selection else ACTION_WIDTH, feature_slices(spec))
         # The table was chosen by the kind of the config, which pyright does not see.
         model = table[config.model](config, widths)  # pyright: ignore[reportArgumentType]
-    if isinstance(config, SelectionTraining) and not isinstance(model, Committee):
-        given = [f for f, neutral in (("members", 1), ("calibrate", False)) if getattr(config, f) != neutral]
+    if isinstance(config, SelectionTraining):
+        _check_committee(config, model)
+    return model
+
+
+def _check_committee(config: SelectionTraining, model: nn.Module) -> None:
+    """What only a committee can do is asked of no other model."""
+    if not isinstance(model, Committee):
+        neutral = {"members": 1, "calibrate": False, "verdict": 0.0}
+        given = [name for name, value in neutral.items() if getattr(config, name) != value]
         if given:
             raise JengaError(f"{given[0]} is not for model {config.model!r}; allowed for: sweep, and own committees")
-    return model
+    elif config.verdict and type(model).judge is Committee.judge:
+        raise JengaError(f"verdict is not for model {config.model!r}, which has no `judge`; allowed for: sweep")

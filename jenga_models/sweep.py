@@ -10,6 +10,7 @@ from jaxtyping import Float
 from torch import Tensor, nn
 from torch.nn import functional
 
+from jenga_models import verdicts
 from jenga_models.committee import Committee, MemberLinear
 from jenga_models.gns import CLASSES, Widths
 from jenga_models.graphs import Graphs
@@ -74,8 +75,16 @@ class SweepClassifier(Committee):
         self.dropout = nn.Dropout(dropout)
         self.hidden = MemberLinear(members, 2 * width, width)
         self.readout = MemberLinear(members, width, CLASSES)
+        self.verdict = MemberLinear(members, width, verdicts.WIDTH)
 
     def each(self, graphs: Graphs) -> Float[Tensor, "member graph 2"]:
+        return self.readout(self._of_target(graphs))
+
+    def judge(self, graphs: Graphs) -> tuple[Float[Tensor, "member graph 2"], Float[Tensor, "member graph 5"]]:
+        hidden = self._of_target(graphs)
+        return self.readout(hidden), self.verdict(hidden)
+
+    def _of_target(self, graphs: Graphs) -> Float[Tensor, "member graph width"]:
         levels = Levels.of(graphs)
         node = graphs.node.clone()
         node[..., self.at["target_flag"]] = 0.0
@@ -86,4 +95,4 @@ class SweepClassifier(Committee):
             state = sweep(state, levels)
         both = torch.cat([state, start], dim=-1)
         target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in both])
-        return self.readout(self.dropout(self.hidden(self.dropout(target)).relu()))
+        return self.dropout(self.hidden(self.dropout(target)).relu())

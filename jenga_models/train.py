@@ -27,6 +27,7 @@ from jenga_models.modules import DynamicsModule, PlanModule, SelectionModule
 from jenga_models.problem import Problem, dynamics_problem, selection_problem
 from jenga_models.registry import build
 from jenga_models.run_folder import RunFolder
+from jenga_models.verdicts import labels
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def _train(
 def _calibrate(network: Committee, data: GraphData) -> None:
     network.cpu().eval()
     with torch.no_grad():
-        said = [(network(batch.graphs), batch.wanted) for batch in data.validation_batches()]
+        said = [(network(batch.graphs), labels(batch.wanted)) for batch in data.validation_batches()]
     logits, wanted = (torch.cat(parts) for parts in zip(*said, strict=True))
     network.calibrate(logits, wanted)
 

@@ -86,7 +86,10 @@ def fake_dataset(kind: str, rows: int = 60, seed: int = 0, frames: int = 5) -> F
         "tower": np.array([f"tower{row // frames}" for row in each]),
     }
     if kind == "selection":
-        columns |= {"failure": size[each, target, 2] > mean_height, "strict_failure": np.ones(rows, bool)}
+        failure = size[each, target, 2] > mean_height
+        outcome = np.where(failure, np.where(each % 3 == 0, "stuck", "collapsed"), "extracted")
+        columns |= {"failure": failure, "strict_failure": np.ones(rows, bool), "outcome": outcome}
+        columns |= {"dragged": failure & (each % 2 == 0), "moved": np.where(failure, 0.02, 0.0)}
     else:
         action = rng.normal((-1e-3, 0, 0), (5e-4, 2e-4, 1e-4), (rows, 3))
         follows = np.zeros((rows, BLOCKS))
