@@ -2,8 +2,13 @@
 
 import pytest
 
+from jenga_data.dataset.manifest import load_manifest
+from jenga_data.dataset.merge import merge
+from jenga_data.dataset.read import open_dataset
+from jenga_data.dataset.reference import NOISY, SELECTION
 from jenga_data.errors import JengaError
-from jenga_models.checkpoint import CARD
+from jenga_models.checkpoint import CARD, load
+from jenga_models.metrics import predict_selection
 from jenga_models.pretrained import pretrained
 
 
@@ -15,3 +20,18 @@ def test_without_a_model_that_comes_along_one_must_be_named(kind, tmp_path, monk
     (tmp_path / kind).mkdir()
     (tmp_path / kind / CARD).touch()
     assert pretrained(kind) == tmp_path / kind
+
+
+def test_the_selector_that_comes_along_was_trained_on_the_reference_data_and_nothing_else(tmp_path):
+    """As its card says: merging the two datasets gives the bytes that it was trained on."""
+    card = load(pretrained("selection"))
+    merge([SELECTION, NOISY], tmp_path / "more", "jenga-selection-more", "1.0.0")
+    assert card.dataset.hash == load_manifest(tmp_path / "more").hash
+    assert str(card.dataset) == "jenga-selection-more@1.0.0"
+
+
+def test_the_selector_that_comes_along_is_as_good_as_its_card_says():
+    dataset = open_dataset(SELECTION)
+    test = dataset.rows("test")
+    right = (predict_selection(pretrained("selection"), dataset, test) > 0.5) == dataset.column("failure")[test]
+    assert round(float(right.mean()), 2) == 0.90
