@@ -30,3 +30,11 @@ def test_an_own_classifier_gets_its_row_of_the_table(
     exec(text.replace("epochs=50", "epochs=1").replace("range(5)", "range(2)"), names)
     assert list(registered) == ["mine"]
     assert re.search(r"^\| mine \|", capsys.readouterr().out, re.M)
+
+
+def test_the_blocks_of_a_logged_tower_are_ranked(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    monkeypatch.chdir(README.parent)
+    exec(program("rank("), {})
+    chances = [float(line.rpartition(" ")[2]) for line in capsys.readouterr().out.splitlines()]
+    assert len(chances) == 3
+    assert 0 <= chances[0] <= chances[1] <= chances[2] < 0.5
