@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Literal
 
 from jenga_data.errors import JengaError
-from jenga_models.checkpoint import CARD
 
 FOLDER = Path(__file__).parent
 
@@ -15,6 +14,8 @@ def pretrained(kind: Literal["selection", "dynamics"]) -> Path:
     Raises:
         JengaError: it comes with none of that kind.
     """
+    from jenga_models.checkpoint import CARD  # loads torch
+
     if not (FOLDER / kind / CARD).is_file():
         raise JengaError(
             f"this jenga comes with no trained {kind} model; name one: --model CKPT, made by `jenga train {kind}`"
