@@ -142,7 +142,7 @@ class _Rows:
         some = (_above(self.held.sum(-1)) > 0)[..., None]
         alone = self.held.sum(-1)[..., None] <= 1
         return [
-            across[..., None] * self.side.sign(),
+            across[..., None] * self.side,
             across[..., None].abs().expand_as(self.side),
             along[..., None].abs().expand_as(self.side),
             torch.where(alone, -HALF, inside + HALF) * some,
