@@ -52,6 +52,12 @@ def with_interval(value: float | None, ci95: Sequence[float] | None) -> str:
     return f"{number(value)} [{number(float(ci95[0]))}, {number(float(ci95[1]))}]"
 
 
+def in_points(difference: float, ci95: Sequence[float] | None) -> str:
+    """A difference of two rates in percentage points, with its 95 % interval if it has one."""
+    interval = f" [{', '.join(f'{100 * end:+.1f}' for end in ci95)}]" if ci95 else ""
+    return f"{100 * difference:+.1f}{interval}"
+
+
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
     """A pipe table: the first column to the left, numbers to the right. Every cell is written by `number`."""
     lines = [header, ["---", *["---:"] * (len(header) - 1)], *[[number(cell) for cell in row] for row in rows]]

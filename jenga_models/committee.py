@@ -9,6 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from jenga_models.graphs import Graphs
+from jenga_models.verdicts import Judgement
 
 _TEMPERATURES = (-1.0, 1.0)
 """Decimal logarithms of the coldest and the hottest."""
@@ -31,11 +32,8 @@ class Committee(nn.Module, ABC):
     def each(self, graphs: Graphs) -> Float[Tensor, "member graph class"]:
         """Logits of every member: training takes the loss of each for itself, or they would lean on each other."""
 
-    def judge(self, graphs: Graphs) -> tuple[Tensor, Tensor]:
-        """The same logits, and what every member says of the verdicts, [member graph verdict]: for those who do.
-
-        See `jenga_models.verdicts`.
-        """
+    def judge(self, graphs: Graphs) -> Judgement:
+        """The same logits, and what every member says of the rest of a pull: for those who do."""
         raise NotImplementedError
 
     def forward(self, graphs: Graphs) -> Float[Tensor, "graph class"]:

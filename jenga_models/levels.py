@@ -26,6 +26,12 @@ class Levels:
     mates: Float[Tensor, "graph level place place"]
     """1 where both lie on this level and are not the same."""
 
+    @property
+    def level(self) -> Int[Tensor, " node"]:
+        """Each node's level, from 0 at the bottom."""
+        _, tall, wide = self.held.shape
+        return self.cell // wide % tall
+
     @classmethod
     def of(cls, graphs: Graphs) -> "Levels":
         """Edges must go from the upper block to the lower one, each once."""

@@ -15,7 +15,7 @@ from jenga_models.committee import Committee, mean_log_probability
 from jenga_models.config import DynamicsTraining, SelectionTraining, Training
 from jenga_models.factored import MOTION_UNIT
 from jenga_models.mirror import mirrored
-from jenga_models.verdicts import labels, verdict_loss
+from jenga_models.verdicts import labels, motion_loss, verdict_loss
 
 PLAN_WEIGHTS = (1.0, 0.5, 0.2)
 """Of the errors of steps, of their sums and of velocities."""
@@ -72,9 +72,10 @@ class SelectionModule(_Module):
         if self.training and self.config.mirror:
             graphs = mirrored(graphs, graph_spec(self.config.graph))
         if self.training and isinstance(self.network, Committee):
-            if self.config.verdict:
-                each, verdicts = self.network.judge(graphs)
-                more = self.config.verdict * verdict_loss(verdicts, batch.wanted)
+            if self.config.learns_verdicts:
+                said = self.network.judge(graphs)
+                more = self.config.verdict * verdict_loss(said.verdict, batch.wanted)
+                each, more = said.label, more + self.config.motion * motion_loss(said.motion, batch.wanted)
             else:
                 each, more = self.network.each(graphs), 0.0
             loss = functional.cross_entropy(each.flatten(0, 1), wanted.repeat(len(each))) + more

@@ -40,7 +40,7 @@ def selection_problem(
     """Does pulling the target fail? Scaled by the rows `train`."""
     store = GraphStore.of(spec, Towers.of_dataset(dataset))
     wanted = torch.from_numpy(dataset.column(config.label).astype(np.int64))
-    if config.verdict:
+    if config.learns_verdicts:
         wanted = with_verdicts(dataset, wanted)
     return Problem(store, wanted, fit_features(config, spec, store, train))
 

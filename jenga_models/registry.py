@@ -102,9 +102,11 @@ def build(config: Training, spec: GraphSpec, edge_width: int) -> nn.Module:
 def _check_committee(config: SelectionTraining, model: nn.Module) -> None:
     """What only a committee can do is asked of no other model."""
     if not isinstance(model, Committee):
-        neutral = {"members": 1, "calibrate": False, "verdict": 0.0}
+        neutral = {"members": 1, "calibrate": False, "verdict": 0.0, "motion": 0.0}
         given = [name for name, value in neutral.items() if getattr(config, name) != value]
         if given:
             raise JengaError(f"{given[0]} is not for model {config.model!r}; allowed for: sweep, and own committees")
-    elif config.verdict and type(model).judge is Committee.judge:
-        raise JengaError(f"verdict is not for model {config.model!r}, which has no `judge`; allowed for: sweep")
+    elif config.learns_verdicts and type(model).judge is Committee.judge:
+        raise JengaError(
+            f"verdict and motion are not for model {config.model!r}, which has no `judge`; allowed for: sweep"
+        )

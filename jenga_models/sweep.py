@@ -6,7 +6,7 @@ one, as networks on directed acyclic graphs do (Thost and Chen 2021, arXiv 2101.
 """
 
 import torch
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from torch import Tensor, nn
 from torch.nn import functional
 
@@ -16,6 +16,10 @@ from jenga_models.gns import CLASSES, Widths
 from jenga_models.graphs import Graphs
 from jenga_models.levels import Levels
 from jenga_models.relations import relations, relations_width
+from jenga_models.verdicts import Judgement
+
+FARTHEST = 20
+"""Levels between a block and the target that are told apart."""
 
 
 class Sweep(nn.Module):
@@ -60,6 +64,26 @@ def _sum(message: Float[Tensor, "*batch place other width"], from_: Float[Tensor
     return (message.relu() * from_[..., None]).sum(-2)
 
 
+class MotionHead(nn.Module):
+    """How every block moves under the pull, from its own state, the target's, and how many levels are between them."""
+
+    def __init__(self, members: int, width: int) -> None:
+        super().__init__()
+        self.block = MemberLinear(members, width, width)
+        self.target = MemberLinear(members, width, width)
+        self.apart = MemberLinear(members, 2 * FARTHEST + 1, width)
+        self.last = MemberLinear(members, width, verdicts.MOTION)
+
+    def forward(
+        self, block: Float[Tensor, "member node width"], graphs: Graphs, level: Int[Tensor, " node"]
+    ) -> Float[Tensor, "member node motion"]:
+        assert graphs.graph is not None, "only flat batches are trained on"
+        target = self.target(torch.stack([graphs.at_target(member) for member in block]))
+        apart = (level - level[graphs.target][graphs.graph]).clamp(-FARTHEST, FARTHEST) + FARTHEST
+        one_hot = functional.one_hot(apart, 2 * FARTHEST + 1).to(block.dtype).expand(len(block), -1, -1)
+        return self.last((self.block(block) + target[:, graphs.graph] + self.apart(one_hot)).relu())
+
+
 class SweepClassifier(Committee):
     """Relations between blocks, sweeps down, up, down, ... and a readout -> logits of (holds, fails).
 
@@ -76,15 +100,19 @@ class SweepClassifier(Committee):
         self.hidden = MemberLinear(members, 2 * width, width)
         self.readout = MemberLinear(members, width, CLASSES)
         self.verdict = MemberLinear(members, width, verdicts.WIDTH)
+        self.motion = MotionHead(members, width)
 
     def each(self, graphs: Graphs) -> Float[Tensor, "member graph 2"]:
-        return self.readout(self._of_target(graphs))
+        return self.readout(self._of_target(graphs, *self._swept(graphs)))
 
-    def judge(self, graphs: Graphs) -> tuple[Float[Tensor, "member graph 2"], Float[Tensor, "member graph 5"]]:
-        hidden = self._of_target(graphs)
-        return self.readout(hidden), self.verdict(hidden)
+    def judge(self, graphs: Graphs) -> Judgement:
+        levels, start, state = self._swept(graphs)
+        hidden = self._of_target(graphs, levels, start, state)
+        block = torch.stack([levels.gathered(member, graphs.node) for member in state])
+        return Judgement(self.readout(hidden), self.verdict(hidden), self.motion(block, graphs, levels.level))
 
-    def _of_target(self, graphs: Graphs) -> Float[Tensor, "member graph width"]:
+    def _swept(self, graphs: Graphs) -> tuple[Levels, Tensor, Tensor]:
+        """States of all blocks at their places, before the sweeps and after them."""
         levels = Levels.of(graphs)
         node = graphs.node.clone()
         node[..., self.at["target_flag"]] = 0.0
@@ -93,6 +121,11 @@ class SweepClassifier(Committee):
         start = state = self.encode(known.expand(self.members, -1, -1, -1, -1))
         for sweep in self.sweeps:
             state = sweep(state, levels)
+        return levels, start, state
+
+    def _of_target(
+        self, graphs: Graphs, levels: Levels, start: Tensor, state: Tensor
+    ) -> Float[Tensor, "member graph width"]:
         both = torch.cat([state, start], dim=-1)
-        target = torch.stack([graphs.at_target(levels.gathered(member, node)) for member in both])
+        target = torch.stack([graphs.at_target(levels.gathered(member, graphs.node)) for member in both])
         return self.dropout(self.hidden(self.dropout(target)).relu())

@@ -56,7 +56,7 @@ def report() -> dict[str, Verb]:
 
     def figures(
         out: Path,
-        selection: MaybePath = None,
+        selection: str = SELECTION,
         extraction: MaybePath = None,
         models: tuple[Path, ...] = (),
         results: tuple[Path, ...] = (),
@@ -66,21 +66,22 @@ def report() -> dict[str, Verb]:
 
         Args:
             out: folder of the figures, with figures.json and .md that say what each shows and which are missing.
-            selection: folder of selection logs, or of a selection dataset.
+            selection: folder of selection logs, or a selection dataset by folder or NAME@X.Y.Z.
             extraction: folder of extraction logs.
             models: folders of checkpoints; dynamics models are drawn beside the truth.
             results: folders (or files) with JSON of `report selection` and `eval extraction`, for the tables.
         """
         from jenga_control.summary.figures import report_figures
         from jenga_control.summary.results import read_results
+        from jenga_data.dataset.locate import locate
 
-        found = report_figures(out, selection, extraction, models, read_results(results))
+        found = report_figures(out, locate(selection), extraction, models, read_results(results))
         return Shown(json, found, f"{found.pop('text')}\nwritten: {', '.join(found['written'])}")
 
     def page(
         out: Path,
         results: tuple[Path, ...] = (),
-        selection: MaybePath = None,
+        selection: str = SELECTION,
         extraction: MaybePath = None,
         models: tuple[Path, ...] = (),
         json: Json = False,
@@ -89,17 +90,20 @@ def report() -> dict[str, Verb]:
 
         Args:
             out: folder of report.html, which needs no other file; figures are drawn beside it if logs are given.
-            results: folders (or files) with the JSON of calibrate, bench, eval, report and of datasets (manifest.json).
-            selection: folder of selection logs, or of a selection dataset, for the figures.
+            results: folders (or files) with the JSON of calibrate, bench, eval and report, and manifests of datasets
+                beside those that `jenga dataset list` knows.
+            selection: folder of selection logs, or a selection dataset by folder or NAME@X.Y.Z, for the figures.
             extraction: folder of extraction logs, for the figures.
             models: folders of checkpoints, for the figures.
         """
         from jenga_control.summary.figures import report_figures
         from jenga_control.summary.page import report_page
         from jenga_control.summary.results import read_results
+        from jenga_data.dataset.locate import known_datasets, locate
+        from jenga_data.dataset.manifest import MANIFEST
 
-        measured = read_results(results)
-        drawn = report_figures(out, selection, extraction, models, measured)
+        measured = read_results([*results, *(folder / MANIFEST for folder in known_datasets().values())])
+        drawn = report_figures(out, locate(selection), extraction, models, measured)
         found = report_page(out, measured, drawn)
         verdicts = [f"{verdict:>30}  {claim}" for claim, verdict in found["findings"].items()]
         return Shown(json, found, "\n".join([*verdicts, found["page"]]))

@@ -7,6 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from jenga_control.selection.curve import SIZES
 from jenga_control.selection.pulls import Prediction, Pulls, by_information
 from jenga_data.palette import BLUE, GREEN, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, VERMILLION
 from jenga_data.report import number
@@ -141,10 +142,10 @@ def learning_curve(report: dict[str, Any]) -> Figure:
     axes.axhline(report["majority"]["rate"], color=MUTED_INK, linestyle=":", linewidth=1.5, label="majority")
     if report["ceiling"]:
         axes.axhspan(*report["ceiling"]["accuracy_bounds"], color=_BAND, zorder=0, label="ceiling")
-    shown = sorted({p["towers"] for points in report["learning_curve"].values() for p in points})
+    most = max((p["towers"] for points in report["learning_curve"].values() for p in points), default=0)
+    shown = [size for size in SIZES if size <= most]
     axes.set(xlabel="training towers", ylabel="accuracy on test towers", xscale="log")
-    if shown:
-        axes.set_xticks(shown, [str(size) for size in shown])
+    axes.set_xticks(shown, [f"{size:,}" for size in shown])
     axes.set_xticks([], minor=True)
     figure.legend(loc="outside right center")
     return figure

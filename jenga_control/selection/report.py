@@ -20,7 +20,7 @@ from jenga_control.selection.towers import shown_towers, towers_figure
 from jenga_control.tables import selection_report_tables
 from jenga_data.graph_spec import GRAPHS
 from jenga_data.replay import style
-from jenga_data.report import number, write_report
+from jenga_data.report import in_points, number, write_report
 from jenga_models.columns import Rows, dataset_name
 
 NAME = "selection"
@@ -184,11 +184,10 @@ def poses(found: Sequence[Prediction], named: Sequence[tuple[str, str]], test: S
 
 def verdict(with_poses: str, without: str, compared: dict[str, Any]) -> str:
     """One sentence: poses help, hurt, or make no difference that these pulls can show."""
-    points, p = 100 * compared["difference"], compared["p_value"]
-    low, high = (100 * end for end in compared["ci95"] or (float("nan"),) * 2)
-    figures_ = f"{points:+.1f} points [{low:+.1f}, {high:+.1f}], p = {number(p)}, n = {compared['n']:,}"
-    effect = "make no difference that these pulls can show" if p >= 0.05 else "help" if points > 0 else "hurt"
-    return f"Poses {effect}: {with_poses} against {without} {figures_}."
+    more, p = compared["difference"], compared["p_value"]
+    shown = f"{in_points(more, compared['ci95'])} points, p = {number(p)}, n = {compared['n']:,}"
+    effect = "make no difference that these pulls can show" if p >= 0.05 else "help" if more > 0 else "hurt"
+    return f"Poses {effect}: {with_poses} against {without} {shown}."
 
 
 def curves(fitted: Sequence[Prediction], trained: Sequence[Family], train: Side, test: Side) -> dict[str, Any]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from jenga_control.page import Block, Code, Figure, KeyFigure, Page, Section, Table, write_page
 from jenga_control.summary.departures import departures
-from jenga_control.summary.findings import REPLICATES, Finding, findings
+from jenga_control.summary.findings import MISSING, REPLICATES, Finding, findings
 from jenga_control.summary.paper_tables import (
     EXTRACTION_COMMAND,
     SELECTION_COMMAND,
@@ -91,7 +91,9 @@ def _damaged(title: str) -> str:
 
 def _key_figures(results: Results, found: Sequence[Finding]) -> list[KeyFigure]:
     held = sum(finding.verdict == REPLICATES for finding in found)
-    figures = [KeyFigure(f"{held} of {len(found)}", "findings of the paper that replicate", "the table says which")]
+    measured = sum(finding.verdict != MISSING for finding in found)
+    note = f"of {len(found)}; the table says which"
+    figures = [KeyFigure(f"{held} of {measured}", "measured findings of the paper replicate", note)]
     figures += _read(lambda: _scores(results)) or []
     return figures
 

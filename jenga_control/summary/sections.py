@@ -1,17 +1,14 @@
 """The sections of the report that show one kind of result each: a table, the pictures beside it, and its command."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from jenga_control.page import Block, Cell, Code, Figure, Table
 from jenga_control.selection.pulls import by_information
 from jenga_control.summary.paper_tables import EXTRACTION_COMMAND, SELECTION_COMMAND, by_way
 from jenga_control.summary.results import Result, Results
-from jenga_data.report import number, with_interval
-
-_PICTURES = 4
-"""At most so many of those that a command left beside its JSON."""
+from jenga_data.report import in_points, number, with_interval
 
 
 def datasets(results: Results) -> list[Block]:
@@ -51,7 +48,7 @@ def calibration(results: Results) -> list[Block]:
             rows.append((kind, f"not measured: run `jenga calibrate {kind} --out DIR`", "", ""))
             continue
         rows += [(name, here, there, f"`jenga calibrate {kind}`") for name, here, there in make(result.data)]
-        pictures += _pictures(result, 1, _DRAWN.get(kind, ""))
+        pictures += _pictures(result, {"": _DRAWN[kind]})
     head = ("Quantity", "Here", "Real towers, or what is asked for", "Command")
     return [Table(head, rows, "Seeds 800000 and up: towers that are in no dataset."), *pictures]
 
@@ -147,10 +144,11 @@ def selection(results: Results) -> list[Block]:
     rows: list[Sequence[Cell]] = []
     for name, row in by_information(data["rows"]):
         rival = row.get("minus_best_baseline")
-        more = "" if rival is None else f"{with_interval(rival['difference'], rival['ci95'])} ({row['best_baseline']})"
+        more = "" if rival is None else in_points(rival["difference"], rival["ci95"])
+        accuracy = with_interval(row["accuracy"]["rate"], row["accuracy"].get("ci95_towers") or row["accuracy"]["ci95"])
         auroc = with_interval(row["auroc"], row["auroc_ci95"])
-        rows.append((row["information"], f"`{name}`", row["kind"], number(row["accuracy"]), auroc, row["ece"], more))
-    head = ("Is told", "Predictor", "Kind", "Accuracy", "AUROC", "Calibration error", "Above the best baseline")
+        rows.append((row["information"], f"`{name}`", row["kind"], accuracy, auroc, row["ece"], more))
+    head = ("Is told", "Predictor", "Kind", "Accuracy", "AUROC", "Calibration error", "Beside the baseline [points]")
     ceiling = data.get("ceiling")
     words = (
         f"{data['n']:,} pulls of {data['towers']:,} test towers of `{data['dataset']}`; {data['failures']:.0%} fail."
@@ -158,7 +156,17 @@ def selection(results: Results) -> list[Block]:
     if ceiling:
         low, high = ceiling["accuracy_bounds"]
         words += f" Nobody's accuracy can be above a value between {low:.3f} and {high:.3f}: pulls repeat so often."
-    return [words, Table(head, rows), *_pictures(report, _PICTURES), Code(SELECTION_COMMAND, "Made by:")]
+    caption = "The last column: accuracy less that of the best baseline with the same information, on the same pulls."
+    return [words, Table(head, rows, caption), *_pictures(report, _SELECTION), Code(SELECTION_COMMAND, "Made by:")]
+
+
+_SELECTION = {
+    "towers": "Every legal block in the colour of its predicted probability of failure, marked with what happened.",
+    "table": "Accuracy of every predictor; the ticks below a model's are its seeds.",
+    "curve": "Accuracy against the number of training towers.",
+    "reliability": "How often pulls fail to which a probability was given; below, how many.",
+    "rounds": "Accuracy by round of the game.",
+}
 
 
 def _single_selectors(results: Results) -> list[Block]:
@@ -197,7 +205,7 @@ def dynamics(results: Results) -> list[Block]:
     if any(rank is not None for rank in ranks):
         shown = ", ".join(number(rank) for rank in ranks)
         words += f" Rank correlation of the costs of candidate plans with the simulator's: {shown}."
-    return [words, Table(head, rows), *_pictures(found[0], _PICTURES), Code(command, "Made by:")]
+    return [words, Table(head, rows), Code(command, "Made by:")]
 
 
 def control(results: Results) -> list[Block]:
@@ -220,9 +228,16 @@ def control(results: Results) -> list[Block]:
         "Every tower that was started counts. The straight pull is the trivial baseline; hindsight, the best of "
         "several pulls of the same block, is the ceiling.",
         Table(head, rows, "full: O_a + O_d with the learned model; naive: O_a alone; the same towers and targets."),
-        *_pictures(found, _PICTURES),
+        *_pictures(found, _CONTROL),
         Code(f"{EXTRACTION_COMMAND}\njenga report extraction DIR... --out REPORT", "Made by:"),
     ]
+
+
+_CONTROL = {
+    "speed": "Success against the speed of the pull.",
+    "causes": "What went wrong, by way.",
+    "rounds": "Success by round of the game.",
+}
 
 
 def touch(results: Results) -> list[Block]:
@@ -240,7 +255,8 @@ def touch(results: Results) -> list[Block]:
     }
     rows = [(name, with_interval(score["value"], score["ci95"]), score["n"]) for name, score in scores.items()]
     head = ("A failure has more", "AUROC, 95 % over towers", "n")
-    return [Table(head, rows, "0.5 is no difference."), *_pictures(found, 1), Code(command, "Made by:")]
+    pictures = _pictures(found, {"": "Forces on the fingertips in a success and a failure near their medians."})
+    return [Table(head, rows, "0.5 is no difference."), *pictures, Code(command, "Made by:")]
 
 
 _BENCHES = ("sim", "robot", "log", "loader", "convert", "replay")
@@ -269,9 +285,12 @@ def _not(command: str, what: str = "Not measured") -> str:
     return f"{what}: run `{command}`."
 
 
-def _pictures(result: Result, most: int, words: str = "") -> list[Block]:
-    """What a command drew beside its JSON: files that begin with its name."""
-    paths = sorted(result.path.parent.glob(f"{result.path.stem}*.png"))[:most]
+def _pictures(result: Result, captions: Mapping[str, str]) -> list[Block]:
+    """What a command drew beside its JSON, by what its name ends in, as far as it is there."""
+    stem = result.path.stem
+    paths = {result.path.with_name(f"{stem}-{name}.png" if name else f"{stem}.png"): name for name in captions}
     return [
-        Figure(path, path.stem.replace("-", " "), words or f"`{path.name}`", embed=True, small=True) for path in paths
+        Figure(path, path.stem.replace("-", " "), captions[name], embed=True, small=True)
+        for path, name in paths.items()
+        if path.exists()
     ]

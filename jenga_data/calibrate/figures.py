@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from jenga_data.palette import BLUE, MUTED_INK, ORANGE, SKY_BLUE, VERMILLION
 
@@ -144,6 +145,8 @@ def turntable(
     left.legend()
     right.hist(100 * friction, bins=30, color=ORANGE)
     right.set(xlabel="friction needed, of what is there [%]", ylabel="towers")
+    for axis in (left, right):
+        axis.yaxis.set_major_locator(MaxNLocator(integer=True))
     return figure
 
 

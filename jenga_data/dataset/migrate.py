@@ -25,6 +25,7 @@ from jenga_data.dataset.manifest import (
     sealed,
 )
 from jenga_data.dataset.migrate_1_0 import add_wedge
+from jenga_data.dataset.migrate_1_1 import only_transitions
 from jenga_data.dataset.schema import FORMAT_VERSION, format_of
 from jenga_data.dataset.staging import file_entry, new_folder, refuse_existing
 from jenga_data.errors import CheckFailed, JengaError
@@ -42,7 +43,7 @@ class Step:
     lift: Callable[[Path, Plain, Path], Plain]
 
 
-STEPS: dict[tuple[int, int], Step] = {(1, 0): Step("1.1.0", add_wedge)}
+STEPS: dict[tuple[int, int], Step] = {(1, 0): Step("1.1.0", add_wedge), (1, 1): Step("1.2.0", only_transitions)}
 """By the format (major, minor) that a step starts from. A new format adds one here and changes none."""
 
 

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float, Int, Shaped
 
-from jenga_data.dataset.schema import DATASET_KIND, FORCE_STEP, POSE_STEP, TWIST_STEP
+from jenga_data.clock import MOMENTS
+from jenga_data.dataset.schema import DATASET_KIND, FORCE_STEP, MOVED_STEP, POSE_STEP, TWIST_STEP
 from jenga_data.episode import Contacts, Episode, Result
 from jenga_data.errors import JengaError
 from jenga_data.graph import support_lists
@@ -59,7 +60,7 @@ def rows_of_all(episodes: Sequence[tuple[Episode, Int[np.ndarray, " _"]]]) -> Ro
     ]
     parts = [
         _keys(episode, number[frames])
-        | (_labels(result) if selection else _transition(episode, result, frames, number))
+        | (_labels(result) | _motion(episode, number) if selection else _transition(episode, result, frames, number))
         for (episode, number, frames), result in zip(taken, results, strict=True)
     ]
     joined: Rows = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
@@ -170,6 +171,13 @@ def _labels(result: Result) -> dict[str, np.ndarray]:
         "moved": verdict.moved,
     }
     return {name: np.full(1, value) for name, value in labels.items()}
+
+
+def _motion(episode: Episode, number: Int[np.ndarray, " frame"]) -> dict[str, np.ndarray]:
+    """What the first moments of a pull do to every block; an excerpt must hold the frames of those moments."""
+    at = np.searchsorted(number, np.minimum(MOMENTS, number[-1]))
+    moved = episode.pose[at, :, :3] - episode.pose[0, :, :3]
+    return {"block_moved": in_steps(moved, MOVED_STEP)[None]}
 
 
 def _transition(

@@ -8,16 +8,18 @@ from dataclasses import dataclass
 
 import pyarrow as pa
 
+from jenga_data.clock import MOMENTS
+
 BLOCK = "block"
 """Stands in a shape for the number of blocks, which is the dataset's."""
 EDGE = "edge"
 """Stands in a shape for a length that differs from row to row."""
 
-FORMAT_VERSION = "1.1.0"
+FORMAT_VERSION = "1.2.0"
 """SemVer of this layout of columns, files and manifest. Readers refuse another major and a newer minor version.
 
 1.0.0: the first. 1.1.0: `block_wedge`, without which the rows of wedge-shaped blocks were those of boxes; and poses,
-velocities and forces in steps.
+velocities and forces in steps. 1.2.0: `block_moved`, what a pull does in its first moments.
 """
 
 EPISODES = "episodes.parquet"
@@ -96,6 +98,9 @@ TWIST_STEP = 2.0**-20
 FORCE_STEP = 2.0**-14
 """Likewise forces of contacts, 0.06 mN."""
 
+MOVED_STEP = 2.0**-16
+"""Likewise how far blocks moved, 15 um: less is creep."""
+
 _WORLD_POSE = "x y z of the centre and unit quaternion w x y z, in steps of 2^-23"
 _WORLD_TWIST = "linear velocity of the centre, angular velocity, in steps of 2^-20"
 
@@ -146,6 +151,19 @@ LABELS = (
     _scalar("moved", "float32", "Largest displacement of a block other than the target over the episode", "m"),
 )
 
+MOTION = (
+    Column(
+        "block_moved",
+        "float32",
+        (len(MOMENTS), BLOCK, 3),
+        "m",
+        "world",
+        "How far the centre of each block has moved 4, 8 and 16 control steps (32 ms each) after the row's frame, or "
+        "by the episode's last frame if that is earlier, in steps of 2^-16",
+        since=(1, 2),
+    ),
+)
+
 TRANSITION = (
     Column("action", "float32", (3,), "m", "world", "Commanded displacement of the gripper until the next frame"),
     Column("action_reached", "float32", (3,), "m", "world", "Displacement that the gripper reached"),
@@ -159,7 +177,7 @@ TRANSITION = (
     _scalar("collapsed", "bool", "By the next frame a block but the target has dropped by more than the threshold"),
 )
 
-COLUMNS = {"selection": KEYS + STATE + LABELS, "dynamics": KEYS + STATE + TRANSITION}
+COLUMNS = {"selection": KEYS + STATE + LABELS + MOTION, "dynamics": KEYS + STATE + TRANSITION}
 """Columns of `data/*.parquet` by kind of dataset: one row a (J, b, f), one row a (J_t, b, a_t, J_t+1)."""
 
 EPISODE_COLUMNS = (

@@ -103,7 +103,7 @@ def _groups(sources: Sequence[Source]) -> Iterator[list[tuple[Source, Excerpt]]]
     """What the rows of the logs are made from, as many logs together as do not take much memory."""
     group: list[tuple[Source, Excerpt]] = []
     for source in sources:
-        group.append((source, read_for_rows(source.path, first_frame=source.kind == "selection")))
+        group.append((source, read_for_rows(source.path, selection=source.kind == "selection")))
         if sum(len(found.episode.pose) for _, found in group) >= _FRAMES_AT_ONCE:
             yield group
             group = []

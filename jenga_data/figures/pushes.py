@@ -56,4 +56,4 @@ def _row(cause: str, episode: Episode) -> Row | None:
     title = f"{CASES[cause]}; {target_words(episode.header)}, round {episode.header.round}"
     ended = episode.result.verdict.outcome if episode.result else "unknown"
     scenes = [scene(before, "before"), scene(after, "after the push"), scene(last, f"end: {ended}")]
-    return Row(title, episode.header.blocks.size, scenes, framed=2)
+    return Row(title, episode.header.blocks.size, scenes)

@@ -1,4 +1,4 @@
-"""As much of a log as the rows of a dataset need: the frames before and after each action, whole and checked."""
+"""As much of a log as the rows of a dataset need: few of its frames, whole and checked."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from typing import BinaryIO
 import numpy as np
 from jaxtyping import Int
 
-from jenga_data.clock import CONTROL_STEP_NS
+from jenga_data.clock import CONTROL_STEP_NS, MOMENTS
 from jenga_data.episode import Episode
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw, gather, refuse_damage
@@ -36,14 +36,14 @@ class Excerpt:
     frames: int
 
 
-def read_for_rows(path: Path, first_frame: bool) -> Excerpt:
+def read_for_rows(path: Path, selection: bool) -> Excerpt:
     """As much of a log as the rows of a dataset need.
 
     Every byte of the file is compared with the file's checksums. Messages that no row needs are not decoded: that
     is what `doctor` does.
 
     Args:
-        first_frame: read frame 0 alone, without actions: all that a row of a selection holds.
+        selection: read no actions, frame 0 and the moments that a row of a selection tells of.
 
     Raises:
         JengaError: as `read_episode`.
@@ -52,7 +52,7 @@ def read_for_rows(path: Path, first_frame: bool) -> Excerpt:
     with one_line(path):
         with open_log(path) as stream:
             intact = is_intact(stream)
-            found = (_first_frame(path, stream) if first_frame else _acted(path, stream)) if intact else None
+            found = (_begun(path, stream) if selection else _acted(path, stream)) if intact else None
         return found or _whole(path)
 
 
@@ -62,16 +62,20 @@ def _whole(path: Path) -> Excerpt:
     return Excerpt(episode, np.arange(count), count)
 
 
-def _first_frame(path: Path, stream: BinaryIO) -> Excerpt:
-    raw = _gathered(path, stream, _ONCE, Window(first=_PER_FRAME))
+def _begun(path: Path, stream: BinaryIO) -> Excerpt | None:
+    """Frame 0, and the frames at `MOMENTS` or the last one before them; None where their times do not lead to them."""
+    window = Window(first=_PER_FRAME, first_ns=(max(MOMENTS) + 1) * CONTROL_STEP_NS)
+    raw = _gathered(path, stream, _ONCE, window)
     raw.messages = {topic: raw.messages[topic] for topic in (*_ONCE, *_PER_FRAME) if topic in raw.messages}
+    last = raw.counted(profile.STATE) - 1
+    number = sorted({0, *(min(moment, last) for moment in MOMENTS)})
     for topic in _PER_FRAME:
-        messages = raw.messages.get(topic, [])
-        found = [(time, data) for time, data in messages if codec.frame_of(topic, data) == 0]
-        if len(found) != 1 and (messages or topic == profile.STATE):
-            raise ValueError(f"{topic} has {len(found)} messages of frame 0 where its first ones are; needed: 1")
-        raw.messages[topic] = found
-    return Excerpt(stack(raw), np.zeros(1, np.int64), raw.counted(profile.STATE))
+        messages = [(codec.frame_of(topic, data), time, data) for time, data in raw.messages.get(topic, [])]
+        kept = [message for message in messages if message[0] in number]
+        if len(kept) != (len(number) if raw.counted(topic) or topic == profile.STATE else 0):
+            return None
+        raw.messages[topic] = [(time, data) for _, time, data in kept]
+    return Excerpt(stack(raw, number), np.array(number), last + 1)
 
 
 def _acted(path: Path, stream: BinaryIO) -> Excerpt | None:

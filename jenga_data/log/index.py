@@ -34,11 +34,13 @@ _READ_BYTES = 2**20
 class Window:
     """Messages that are wanted of a part of a file.
 
-    Of the topics `first` those in the first chunk that holds any; of `topics` those in all chunks that have messages
+    Of the topics `first` those in the first chunk that holds any, and in those that begin at most `first_ns` after it;
+    of `topics` those in all chunks that have messages
     of about the times of `around`: not before its first chunk, and at most `margin_ns` after its last.
     """
 
     first: Collection[str] = ()
+    first_ns: int = 0
     around: str = ""
     topics: Collection[str] = ()
     margin_ns: int = 0
@@ -120,7 +122,8 @@ def _chunks(summary: Summary, topics: Collection[str], window: Window) -> Iterat
         return {channel.id for channel in summary.channels.values() if channel.topic in names}
 
     wanted, inside, around = channels_of(*topics), channels_of(*window.topics), channels_of(window.around)
-    once = {topic: channels_of(topic) for topic in window.first}
+    early = {topic: channels_of(topic) for topic in window.first}
+    began: dict[str, int] = {}
     chunks = sorted(summary.chunk_indexes, key=lambda index: index.chunk_start_offset)
     times = [(i.message_start_time, i.message_end_time) for i in chunks if around & i.message_index_offsets.keys()]
     start = min((first for first, _ in times), default=0)
@@ -130,8 +133,9 @@ def _chunks(summary: Summary, topics: Collection[str], window: Window) -> Iterat
         channels = wanted & held
         if times and index.message_start_time <= end and index.message_end_time >= start:
             channels |= inside & held
-        for topic in [topic for topic, ids in once.items() if ids & held]:
-            channels |= once.pop(topic) & held
+        for topic in [topic for topic, ids in early.items() if ids & held]:
+            if index.message_start_time <= began.setdefault(topic, index.message_start_time) + window.first_ns:
+                channels |= early[topic] & held
         if channels:
             yield index, channels
 

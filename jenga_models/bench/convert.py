@@ -21,6 +21,7 @@ from google.protobuf.message import Message
 from mcap.reader import make_reader
 
 from jenga_data.bench.speed import Speed, speed_table
+from jenga_data.clock import MOMENTS
 from jenga_data.dataset.convert import convert
 from jenga_data.dataset.sources import find_logs
 from jenga_data.errors import JengaError
@@ -128,6 +129,7 @@ def data_objects(path: Path) -> list[Data]:
                 "dragged": outcome.dragged,
                 "outcome": outcome.label,
                 "moved": outcome.moved,
+                "block_moved": torch.tensor(_moved(states), dtype=torch.float32),
             }
         objects.append(
             Data(
@@ -147,6 +149,12 @@ def data_objects(path: Path) -> list[Data]:
             )
         )
     return objects
+
+
+def _moved(states: dict[int, Any]) -> np.ndarray:
+    """How far each block had moved at each of the moments, or by the last frame."""
+    start, _ = _arrays(states[0])
+    return np.stack([_arrays(states[min(moment, max(states))])[0][:, :3] - start[:, :3] for moment in MOMENTS])
 
 
 def _arrays(state: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -6,6 +6,7 @@ from pathlib import Path
 
 from jenga_runs import CHEAP, COLLECT, Made, jenga, run_apart, started
 
+from jenga_data.dataset.locate import known_datasets
 from jenga_data.dataset.verify import CHECKS
 
 OUTCOMES = {"invalid", "collapsed", "extracted", "stuck"}
@@ -136,7 +137,7 @@ def test_replay(extraction_logs: Made, simulator: Made, tmp_path):
 def test_report_page_takes_what_other_verbs_wrote(selection: Made, selection_logs: Made, tmp_path):
     results = ("--results", selection.path, "--selection", selection_logs.path)
     said = jenga("report", "page", *results, "--out", tmp_path / "page", "--json").object()
-    assert said["results"] == 1  # the dataset's manifest
+    assert said["results"] == 1 + len(known_datasets())  # manifests: that of --results, and of those at hand
     assert set(said["findings"].values()) == {"not measured"}
     assert "pulls@0.1.0" in Path(said["page"]).read_text()
     drawn = jenga("report", "figures", "--selection", selection.path, "--out", tmp_path / "figures", "--json").object()

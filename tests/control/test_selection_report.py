@@ -110,12 +110,12 @@ def test_the_sentence_about_poses_says_what_the_numbers_say(test):
     known = [said("with", "G_sp", right), said("without", "G_s", 1 - right)]
     (entry,) = poses(known, [("with", "without")], test)
     assert entry["difference"] == 1
-    assert entry["sentence"].startswith("Poses help: with against without +100.0 points")
+    assert entry["sentence"].startswith("Poses help: with against without +100.0 [+100.0, +100.0] points")
     (entry,) = poses(known[::-1], [("without", "with")], test)
     assert entry["sentence"].startswith("Poses hurt")
     nothing = {"difference": 0.01, "p_value": 0.4, "ci95": [-0.01, 0.03], "n": 400}
     assert verdict("a", "b", nothing) == (
-        "Poses make no difference that these pulls can show: a against b +1.0 points [-1.0, +3.0], p = 0.40, n = 400."
+        "Poses make no difference that these pulls can show: a against b +1.0 [-1.0, +3.0] points, p = 0.40, n = 400."
     )
 
 

@@ -55,12 +55,12 @@ def test_what_is_no_manifest_is_refused(tmp_path, content):
     assert "no valid manifest" in refusal(tmp_path, content)
 
 
-@pytest.mark.parametrize("version", ["2.0.0", "0.9.0", "1.2.0", "10.0.0"])
+@pytest.mark.parametrize("version", ["2.0.0", "0.9.0", "1.3.0", "10.0.0"])
 def test_another_format_is_refused_with_the_way_out(tmp_path, raw, version):
     message = refusal(tmp_path, msgspec.json.encode(raw | {"format_version": version}))
     assert version in message
     assert ("jenga dataset migrate" if version == "0.9.0" else "update jenga") in message
-    assert FORMAT_VERSION == "1.1.0"
+    assert FORMAT_VERSION == "1.2.0"
 
 
 @pytest.mark.parametrize("field", ["name", "kind", "files", "splits", "counts", "provenance", "licence", "citation"])

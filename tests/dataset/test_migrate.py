@@ -21,9 +21,9 @@ from jenga_data.errors import CheckFailed, JengaError
 OLD = Path(__file__).with_name("format_1_0")
 
 
-@pytest.fixture(params=["selection", "dynamics"])
-def old(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
-    return Path(shutil.copytree(OLD / request.param, tmp_path / request.param))
+@pytest.fixture
+def old(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(OLD / "dynamics", tmp_path / "dynamics"))
 
 
 STEP = {
@@ -46,14 +46,20 @@ def content(folder: Path) -> dict[str, bytes]:
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file()}
 
 
-def test_the_older_format_is_read_as_it_is(old, whole):
-    dataset = open_dataset(old)
+@pytest.mark.parametrize("kind", ["selection", "dynamics"])
+def test_the_older_format_is_read_as_it_is(kind, whole):
+    dataset = open_dataset(OLD / kind)
     assert dataset.manifest.format_version == "1.0.0"
     assert dataset.column("block_mass").shape == (len(dataset), 6)
     assert len(dataset.episodes()["episode"]) == dataset.manifest.counts.episodes
     with pytest.raises(JengaError, match="no column 'block_wedge'"):
         dataset.column("block_wedge")
-    assert whole(old)
+    assert whole(OLD / kind)
+
+
+def test_pulls_whose_motion_was_not_kept_have_to_be_converted_again(tmp_path):
+    old = Path(shutil.copytree(OLD / "selection", tmp_path / "selection"))
+    assert "without `block_moved`, which only their logs can say: convert them again" in refusal(old, tmp_path / "new")
 
 
 def test_a_lifted_dataset_keeps_every_promise_and_every_row(old, whole, rows_in, tmp_path):
@@ -80,12 +86,8 @@ def test_lifting_is_converting_the_logs_again(old, episode_of, write, rows_in, t
     from jenga_data.outcome import Outcome
 
     for number in range(5):
-        if old.name == "selection":
-            episode = episode_of("selection", number)
-        else:
-            broken = Outcome.INVALID if number == 4 else None
-            episode = episode_of("extraction", number, broken, tower=number % 4)
-        write(episode, tmp_path / "logs")
+        broken = Outcome.INVALID if number == 4 else None
+        write(episode_of("extraction", number, broken, tower=number % 4), tmp_path / "logs")
     lifted = migrate(old, tmp_path / "new")
     fresh = convert([tmp_path / "logs"], tmp_path / "fresh", lifted.name, "1.0.0")
     assert [(f.path, f.rows) for f in lifted.data_files] == [(f.path, f.rows) for f in fresh.data_files]
@@ -98,10 +100,10 @@ def test_lifting_is_converting_the_logs_again(old, episode_of, write, rows_in, t
 
 
 def test_edits_ask_for_the_lift_and_work_after_it(made, whole, tmp_path):
-    other = made("other", range(128, 132))
-    with pytest.raises(JengaError, match=rf"jenga dataset migrate {OLD / 'selection'} --out NEW"):
-        merge([OLD / "selection", other], tmp_path / "out", "all", "1.0.0")
-    migrate(OLD / "selection", tmp_path / "new")
+    other = made("other", range(128, 132), kind="extraction")
+    with pytest.raises(JengaError, match=rf"jenga dataset migrate {OLD / 'dynamics'} --out NEW"):
+        merge([OLD / "dynamics", other], tmp_path / "out", "all", "1.0.0")
+    migrate(OLD / "dynamics", tmp_path / "new")
     merge([tmp_path / "new", other], tmp_path / "out", "all", "1.0.0")
     assert whole(tmp_path / "out")
 
@@ -129,7 +131,7 @@ def test_what_needs_no_lift_or_has_none_is_refused(selection, old, tmp_path):
     for version, way_out in (("0.9.0", "jenga convert"), ("7.0.0", "update jenga")):
         rewrite(old, format_version=version)
         message = refusal(old, tmp_path / "new")
-        assert f"has format version {version}; migrate knows the way from 1.0: " in message
+        assert f"has format version {version}; migrate knows the way from 1.0, 1.1: " in message
         assert way_out in message
 
 

@@ -29,7 +29,7 @@ def test_a_reference_dataset_is_whole(folder):
 
 def test_it_is_the_paper_s_selection_data():
     """2,000 (J, b, f), one a tower, of rounds 1 to 15, 4:1."""
-    dataset = open_dataset("jenga-selection@1.0.0")
+    dataset = open_dataset("jenga-selection@1.1.0")
     assert len(dataset) == len(set(dataset.column("tower"))) == 2000
     assert set(dataset.column("round")) == set(range(1, 16))
     assert 0.3 <= dataset.column("failure").mean() <= 0.6

@@ -90,6 +90,7 @@ def fake_dataset(kind: str, rows: int = 60, seed: int = 0, frames: int = 5) -> F
         outcome = np.where(failure, np.where(each % 3 == 0, "stuck", "collapsed"), "extracted")
         columns |= {"failure": failure, "strict_failure": np.ones(rows, bool), "outcome": outcome}
         columns |= {"dragged": failure & (each % 2 == 0), "moved": np.where(failure, 0.02, 0.0)}
+        columns |= {"block_moved": rng.normal(0, 0.01, (rows, 3, BLOCKS, 3)).astype(np.float32)}
     else:
         action = rng.normal((-1e-3, 0, 0), (5e-4, 2e-4, 1e-4), (rows, 3))
         follows = np.zeros((rows, BLOCKS))

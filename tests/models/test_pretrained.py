@@ -25,13 +25,13 @@ def test_without_a_model_that_comes_along_one_must_be_named(kind, tmp_path, monk
 def test_the_selector_that_comes_along_was_trained_on_the_reference_data_and_nothing_else(tmp_path):
     """As its card says: merging the two datasets gives the bytes that it was trained on."""
     card = load(pretrained("selection"))
-    merge([SELECTION, NOISY], tmp_path / "more", "jenga-selection-more", "1.0.0")
+    merge([SELECTION, NOISY], tmp_path / "more", "jenga-selection-more", "1.1.0")
     assert card.dataset.hash == load_manifest(tmp_path / "more").hash
-    assert str(card.dataset) == "jenga-selection-more@1.0.0"
+    assert str(card.dataset) == "jenga-selection-more@1.1.0"
 
 
 def test_the_selector_that_comes_along_is_as_good_as_its_card_says():
     dataset = open_dataset(SELECTION)
     test = dataset.rows("test")
     right = (predict_selection(pretrained("selection"), dataset, test) > 0.5) == dataset.column("failure")[test]
-    assert round(float(right.mean()), 2) == 0.90
+    assert round(float(right.mean()), 2) == 0.91
