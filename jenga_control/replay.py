@@ -25,12 +25,13 @@ def replay(
     time: float | None = None,
     frame: int | None = None,
     strip: Path | None = None,
+    film: Path | None = None,
     meshes: str = "",
 ) -> list[Path]:
-    """Write a recording, a screenshot or a film strip, or open a viewer. Returns the files that were asked for.
+    """Write a recording, a screenshot, a film or a film strip, or open a viewer. Returns the files asked for.
 
-    A film strip alone needs no rerun: that is imported only for what it is to show. Several episodes stand side by
-    side.
+    A film and a film strip need no rerun: that is imported only for what it is to show. Several episodes stand side
+    by side.
 
     Args:
         from_frame: every dynamics model predicts in an open loop from this frame on as well.
@@ -41,13 +42,19 @@ def replay(
     Raises:
         JengaError: a log or a checkpoint cannot be read, or there is no viewer to open.
     """
-    _refuse_contradictions(episodes, models, from_frame, save, web, png, (time, frame), strip)
+    written = [path for path in (save, png, strip, film) if path is not None]
+    _refuse_contradictions(episodes, models, from_frame, save, web, png, (time, frame), strip, film)
     logged = [read_episode(episode) for episode in episodes]
     at = moment(max(logged, key=lambda episode: float(seconds(episode)[-1])), time, frame)
     if strip:
         _write_strip(logged[0], strip)
-        if not (save or png):
-            return [strip]
+    if film:
+        from jenga_data.replay.film import write_film
+
+        predictions = shown_with(episodes[0], logged[0], models, from_frame).predictions
+        write_film(film, logged[0], [p for p in predictions if from_frame is None or p.kind == "open_loop"])
+    if (strip or film) and not (save or png):
+        return written
     from jenga_data.replay.meshes import link_meshes
     from jenga_data.replay.rerun_adapter import open_at, screenshot, write_shown
     from jenga_data.replay.viewer import open_viewer, serve_web
@@ -64,7 +71,7 @@ def replay(
         open_at(recording, at)
     elif not save:
         open_viewer([recording])
-    return [path for path in (save, png, strip) if path is not None]
+    return written
 
 
 def shown_with(path: Path, episode: Episode, models: Sequence[Path], from_frame: int | None = None) -> Shown:
@@ -105,20 +112,22 @@ def _refuse_contradictions(
     png: Path | None,
     moments: tuple[float | None, int | None],
     strip: Path | None,
+    film: Path | None,
 ) -> None:
     if not episodes:
         raise JengaError("no log was given; name one or more: jenga replay EPISODE.mcap")
     if len(episodes) > MOST:
         raise JengaError(f"{len(episodes)} logs were given; at most {MOST} fit side by side")
-    if web and (save or png or strip):
-        raise JengaError("--web shows an episode, --save, --png and --strip write files; choose one")
-    if strip and models and not (save or png):
-        raise JengaError("--strip shows no model; leave --model out, or add --save or --png")
-    if strip and len(episodes) > 1:
-        raise JengaError(f"--strip shows one episode, {len(episodes)} were given; run it once for each")
+    if web and (save or png or strip or film):
+        raise JengaError("--web shows an episode, --save, --png, --strip and --film write files; choose one")
+    if strip and models and not (save or png or film):
+        raise JengaError("--strip shows no model; leave --model out, or add --save, --png or --film")
+    if (strip or film) and len(episodes) > 1:
+        name = "--strip" if strip else "--film"
+        raise JengaError(f"{name} shows one episode, {len(episodes)} were given; run it once for each")
     if from_frame is not None and not models:
         raise JengaError("--from-frame is where models begin an open loop; add --model, or leave it out")
-    if moments != (None, None) and not png and (web or save or strip):
+    if moments != (None, None) and not png and (web or save or strip or film):
         raise JengaError(
             "--time and --frame are for the viewer and for --png; leave them out, or what they cannot go with"
         )

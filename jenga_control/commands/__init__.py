@@ -52,6 +52,7 @@ def replay(
     time: MaybeFloat = None,
     frame: MaybeInt = None,
     strip: MaybePath = None,
+    film: MaybePath = None,
     meshes: str = "",
     json: Json = False,
 ) -> Shown:
@@ -68,6 +69,8 @@ def replay(
         time: moment at which the viewer opens, or that the screenshot shows, since the first frame [s]...
         frame: ...or the number of its frame, as `jenga dataset trace` prints it.
         strip: write six moments of the episode side by side as a PNG; needs neither rerun nor Vulkan.
+        film: write the episode as an animated GIF or WebP, with what dynamics models predict as ghosts, their open loop
+            with --from-frame; needs neither rerun nor Vulkan.
         meshes: draw the arm with its maker's look: a panda.xml of mujoco-menagerie, or "menagerie" to have
             robot_descriptions fetch it (needs that package and the network).
     """
@@ -75,7 +78,7 @@ def replay(
 
     shown = run(
         episode, model, from_frame=from_frame, save=save, web=web, png=png, time=time, frame=frame, strip=strip,
-        meshes=meshes,
+        film=film, meshes=meshes,
     )  # fmt: skip
     data = {"episode": str(episode[0]), "episodes": [str(path) for path in episode], "written": list(map(str, shown))}
     return Shown(json, data, "\n".join(data["written"]))

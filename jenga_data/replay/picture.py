@@ -46,7 +46,7 @@ def tower_camera(
 
 
 def render_tower(
-    where: Axes | Path,
+    where: Axes | Path | None,
     pose: Float[np.ndarray, "block 7"],
     size: Float[np.ndarray, "block 3"],
     *,
@@ -58,7 +58,7 @@ def render_tower(
     height: int = 900,
     stand: Stand = TURNTABLE,
 ) -> Float[np.ndarray, "height width 3"]:
-    """Draw a tower into axes or a PNG file, and return the picture.
+    """Draw a tower into axes, a PNG file or neither, and return the picture.
 
     Args:
         colours: of each block; by default wood, in two tones by the direction a block lies in.
@@ -82,7 +82,7 @@ def render_tower(
     if isinstance(where, Axes):
         where.imshow(image, interpolation="none")
         where.set_axis_off()
-    else:
+    elif where is not None:
         _write_png(where, image)
     return image
 

@@ -255,6 +255,7 @@ def test_replay_shows_or_writes(extraction_logs: Made, tmp_path):
     assert "choose one" in jenga("replay", log, "--web", "--save", tmp_path / "x.rrd").line()
     assert "No such file" in jenga("replay", log, "--save", tmp_path / "none" / "x.rrd").line()
     assert "No such file" in jenga("replay", log, "--strip", tmp_path / "none" / "x.png").line()
+    assert "No such file" in jenga("replay", log, "--film", tmp_path / "none" / "x.gif").line()
     assert list(tmp_path.iterdir()) == []
 
 

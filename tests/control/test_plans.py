@@ -117,6 +117,9 @@ def test_a_dynamics_model_says_nothing_of_an_episode_without_actions_and_the_rep
         (0, {}, "no log was given; name one or more"),
         (7, {}, "7 logs were given; at most 6 fit side by side"),
         (2, {"strip": Path("a.png")}, "--strip shows one episode, 2 were given"),
+        (2, {"film": Path("a.gif")}, "--film shows one episode, 2 were given"),
+        (1, {"film": Path("a.mp4")}, r"--film writes .gif or .webp; a.mp4 ends in neither"),
+        (1, {"film": Path("a.gif"), "web": True}, "--film write files; choose one"),
         (1, {"from_frame": 3}, "--from-frame is where models begin an open loop; add --model"),
     ],
 )

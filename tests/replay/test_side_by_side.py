@@ -197,7 +197,7 @@ def test_a_strip_is_written_without_rerun(episode: Episode, tmp_path: Path, monk
             r"^cannot write .*strip\.png: No such file or directory; choose another path$",
         ),
         ("strip.jpg", (), r"^--strip writes a PNG; .*strip\.jpg does not end in \.png$"),
-        ("strip.png", ("model",), r"^--strip shows no model; leave --model out, or add --save or --png$"),
+        ("strip.png", ("model",), r"^--strip shows no model; leave --model out, or add --save, --png or --film$"),
     ],
 )
 def test_a_strip_that_cannot_be_is_refused_in_one_line(
