@@ -16,7 +16,7 @@ from torch import nn
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.graph_spec import GraphSpec
 from jenga_models.columns import Rows, dataset_name
-from jenga_models.config import DynamicsTraining, SelectionTraining, Training
+from jenga_models.config import LATER, DynamicsTraining, SelectionTraining, Training
 from jenga_models.features import Featurizer, attribute_width
 from jenga_models.normalisation import Normalisation
 from jenga_models.registry import build
@@ -197,7 +197,7 @@ def _card(path: Path, blob: bytes) -> dict[str, Any]:
 
 def _config(kind: str, plain: Any) -> Training:
     wanted = {field.name for field in fields(CONFIGS[kind])}
-    if not isinstance(plain, dict) or set(plain) != wanted:
+    if not isinstance(plain, dict) or not wanted - LATER <= set(plain) <= wanted:
         raise msgspec.ValidationError("config has other fields than this code's")
     return msgspec.convert(plain, CONFIGS[kind])
 

@@ -11,6 +11,10 @@ Schedule = Literal["constant", "cosine"]
 Accelerator = Literal["auto", "cpu", "cuda"]
 
 
+LATER = frozenset({"motion"})
+"""Fields that checkpoints of before lack: their default is what those were trained with."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Training:
     """What both kinds of training have in common."""

@@ -107,6 +107,14 @@ def test_a_card_that_does_not_fit_is_refused(copy: Path, changes: dict, error: t
     assert "\n" not in str(caught.value)
 
 
+def test_a_checkpoint_from_before_a_field_was_added_is_read_as_it_was_trained(copy: Path):
+    config = json.loads((copy / CARD).read_text())["config"]
+    assert config["motion"] == 0.0
+    before = load(copy)
+    edit(copy, config={name: value for name, value in config.items() if name != "motion"})
+    assert load(copy).config == before.config
+
+
 def test_weights_for_another_architecture_are_refused(copy: Path):
     config = json.loads((copy / CARD).read_text())["config"]
     edit(copy, config={**config, "width": config["width"] + 1})
