@@ -8,8 +8,9 @@ from time import monotonic
 from typing import Any
 
 from jenga_control.demo_page import DemoResults, write_demo_page
-from jenga_control.extraction.evaluate import evaluate_extraction
+from jenga_control.extraction.evaluate import Switches, evaluate_extraction
 from jenga_control.prediction.evaluate import evaluate_dynamics
+from jenga_control.replay import shown_with
 from jenga_control.selection.evaluate import evaluate_selection
 from jenga_control.tables import dynamics_tables, extraction_tables, selection_tables
 from jenga_data.agreement import edge_agreement
@@ -23,11 +24,12 @@ from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.log.reader import read_episode
 from jenga_data.replay import style
 from jenga_data.replay.curves import episode_curves
-from jenga_data.replay.rerun_adapter import write_rrd
+from jenga_data.replay.rerun_adapter import write_rrd, write_shown
 from jenga_data.replay.side_by_side import film_strip, tower_grid
 from jenga_data.report import write_report
 from jenga_models.config import DYNAMICS_PRESETS, SELECTION_PRESETS
 from jenga_models.overlay import overlay
+from jenga_models.pretrained import pretrained
 from jenga_models.train import train_dynamics, train_selection
 
 
@@ -39,7 +41,7 @@ class DemoSize:
     """Rollouts that pull with a servo, one a tower."""
     extraction_episodes: int = 6
     """Rollouts of a gripper without an arm, up to 51 transitions each."""
-    robot_episodes: int = 2
+    robot_episodes: int = 1
     """Rollouts of the whole robot, which take three times as long."""
     towers: int = 2
     """Held-out towers on which each controller pulls."""
@@ -114,9 +116,12 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
         simulator, logs / "closed-loop", towers=size.towers, workers=workers, config=_GRIPPER
     )
     write_report(tables, "extraction", extraction, extraction_tables([extraction, *extraction["baselines"].values()]))
+    trained = (pretrained("selection"), pretrained("dynamics"))
+    chosen = Switches(select=trained[0])
+    evaluate_extraction(trained[1], logs / "trained", ("full",), towers=1, workers=1, switches=chosen)
 
     _say(6, "replay: the truth and the model's prediction together, and pictures")
-    shown = _pick(logs / "closed-loop" / "full")
+    shown, robot = _pick(logs / "closed-loop" / "full"), _pick(logs / "trained" / "full")
     agreement = edge_agreement(read_episode(path) for path in sorted(logs.glob("*ion/*.mcap")))
     results = DemoResults(
         out=out,
@@ -128,15 +133,20 @@ def run_demo(out: Path, workers: int, seed: int, size: DemoSize) -> dict[str, An
         agreement=agreement,
         episode=shown,
         replay=out / "replay.rrd",
-        pictures=_pictures(out / "pictures", logs, shown, simulator, out / "replay.rrd"),
+        robot=robot,
+        robot_replay=out / "robot.rrd",
+        pictures=_pictures(out / "pictures", logs, shown, robot, simulator, out / "replay.rrd"),
         checkpoints=(selector, simulator),
+        trained=trained,
         seconds=monotonic() - began,
     )
+    write_shown([shown_with(robot, read_episode(robot), trained)], results.robot_replay)
     index = write_demo_page(results)
     return {
         "out": str(out),
         "index": str(index),
         "episode": str(shown),
+        "robot": str(robot),
         "checkpoints": {"selection": str(selector), "dynamics": str(simulator)},
         "datasets": {kind: str(folder) for kind, folder in folders.items()},
         "tables": str(tables),
@@ -180,7 +190,7 @@ def _pick(folder: Path) -> Path:
     return max(sorted(folder.glob("*.mcap")), key=lambda path: len(read_episode(path).action_frame))
 
 
-def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Path) -> dict[str, Path]:
+def _pictures(folder: Path, logs: Path, shown: Path, robot: Path, simulator: Path, replay: Path) -> dict[str, Path]:
     """Draw what needs neither OpenGL nor Vulkan, and write the recording for rerun."""
     folder.mkdir(parents=True)
     episode = read_episode(shown)
@@ -199,6 +209,6 @@ def _pictures(folder: Path, logs: Path, shown: Path, simulator: Path, replay: Pa
         style.save(towers, pictures["towers"])
         style.save(film_strip(episode), pictures["film"])
         style.save(film_strip(pulls[-1]), pictures["selection"])
-        style.save(film_strip(read_episode(_pick(logs / "robot"))), pictures["robot"])
+        style.save(film_strip(read_episode(robot)), pictures["robot"])
     episode_curves(episode, [prediction], pictures["curves"])
     return pictures

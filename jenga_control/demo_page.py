@@ -25,8 +25,11 @@ class DemoResults:
     agreement: Agreement
     episode: Path
     replay: Path
+    robot: Path
+    robot_replay: Path
     pictures: dict[str, Path]
     checkpoints: tuple[Path, Path]
+    trained: tuple[Path, Path]
     seconds: float
 
 
@@ -80,7 +83,16 @@ def _control(r: DemoResults) -> Section:
     return Section(
         "Pulling a block",
         [
-            Figure(r.pictures["robot"], "Key frames of the robot", "The whole robot: arm, stick and turntable."),
+            Figure(
+                r.pictures["robot"],
+                "Key frames of the robot",
+                "The whole robot with the trained models that jenga comes with: the selector chose the block, MPPI "
+                "with the dynamics model pulled it.",
+            ),
+            Code(
+                shlex.join(["jenga", "replay", str(r.robot), "--model", *map(str, r.trained)]),
+                "Open it in rerun, with the plans and what both models predict",
+            ),
             Figure(r.pictures["film"], "Six moments of a pull", "MPPI with the learned model on a tower it never saw."),
             Figure(
                 r.pictures["curves"],
@@ -154,7 +166,8 @@ def _files(r: DemoResults) -> Section:
         (r.out / "datasets", "two datasets: Parquet files and a manifest each"),
         (r.out / "checkpoints", "two models: safetensors and a JSON card each"),
         (r.out / "tables", "evaluations as JSON and Markdown"),
-        (r.replay, "the pull above for rerun, with the model's prediction"),
+        (r.robot_replay, "the robot's pull for rerun, with the plans and what the trained models predict"),
+        (r.replay, "the pull of the models trained here for rerun, with the prediction"),
     ]
     return Section("Files", [Files(entries, "jenga demo")])
 

@@ -18,7 +18,7 @@ def demo(
     seed: int = 0,
     selection_episodes: int = 12,
     extraction_episodes: int = 6,
-    robot_episodes: int = 2,
+    robot_episodes: int = 1,
     towers: int = 2,
     epochs: MaybeInt = None,
     json: Json = False,

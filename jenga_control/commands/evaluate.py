@@ -7,7 +7,7 @@ import tyro
 
 from jenga_data.collect.config import SEED_LIMIT
 from jenga_data.command_line import Json, MaybePath, Shown, Verb
-from jenga_data.dataset.reference import SELECTION
+from jenga_data.dataset.reference import DYNAMICS, SELECTION
 
 
 def evaluate() -> dict[str, Verb]:
@@ -39,12 +39,16 @@ def evaluate() -> dict[str, Verb]:
         return Shown(json, report, selection_tables(report))
 
     def dynamics(
-        model: Path, dataset: str, truth: MaybePath = None, figure: MaybePath = None, json: Json = False
+        model: MaybePath = None,
+        dataset: str = DYNAMICS,
+        truth: MaybePath = None,
+        figure: MaybePath = None,
+        json: Json = False,
     ) -> Shown:
         """Errors of a dynamics model on the test towers, one step and open loop, next to the trivial prediction.
 
         Args:
-            model: folder of a checkpoint.
+            model: folder of a checkpoint; by default the one that jenga comes with.
             dataset: NAME@X.Y.Z or a folder.
             truth: folder of `jenga eval simulator`: adds the ceiling, and the rank correlation of plans.
             figure: a PNG of true and predicted towers, as in the paper's appendix.
@@ -52,8 +56,9 @@ def evaluate() -> dict[str, Verb]:
         from jenga_control.prediction.evaluate import evaluate_dynamics
         from jenga_control.tables import dynamics_tables
         from jenga_data.dataset.read import open_dataset
+        from jenga_models.pretrained import pretrained
 
-        rows = open_dataset(dataset)
+        model, rows = model or pretrained("dynamics"), open_dataset(dataset)
         report = evaluate_dynamics(model, rows, truth)
         if figure:
             from jenga_control.prediction.figure import draw_towers
@@ -121,7 +126,8 @@ def evaluate() -> dict[str, Verb]:
 
         Args:
             out: folder of the logs; the same command goes on where it was interrupted.
-            model: folders of dynamics checkpoints; the objective "full" needs one, and is evaluated with each.
+            model: folders of dynamics checkpoints; the objective "full" is evaluated with each, by default with the one
+                that jenga comes with.
             objective: MPPI on O_a + O_d (full) or on O_a alone (naive), a straight pull (straight-0.15, in m/s), or
                 hindsight (hindsight-12), the best of 8 (12) pulls; full-paper, full-best and full-simulator say what
                 the options below do. The first is reported, the others are its baselines from the same grasp.

@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from jenga_runs import COLLECT, Made, contents, jenga
 
+from jenga_models.pretrained import pretrained
+
 NAMES = ("--name", "x", "--version", "0.1.0")
 
 
@@ -228,9 +230,11 @@ def test_nothing_to_resume(selection: Made, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_full_objective_needs_a_model(tmp_path):
-    line = jenga("eval", "extraction", "--out", tmp_path / "out").line()
-    assert "no trained dynamics model; name one: --model" in line
+def test_the_full_objective_takes_a_dynamics_model_that_is_there(tmp_path):
+    line = jenga("eval", "extraction", "--out", tmp_path / "out", "--model", tmp_path / "none").line()
+    assert f"no checkpoint at {tmp_path / 'none'}: there is no such folder; `jenga train` makes one" in line
+    line = jenga("eval", "extraction", "--out", tmp_path / "out", "--model", pretrained("selection")).line()
+    assert "is a selection checkpoint; wanted: dynamics" in line
     assert list(tmp_path.iterdir()) == []
 
 

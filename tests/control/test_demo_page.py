@@ -107,6 +107,8 @@ def results(tmp_path: Path) -> DemoResults:
     (out / "pictures").mkdir()
     for name in PICTURES:
         (out / "pictures" / f"{name}.png").write_bytes(PNG)
+    (out / "logs" / "robot.mcap").write_bytes(bytes(10))
+    (out / "robot.rrd").write_bytes(bytes(30))
     episode, replay = out / "logs" / "closed-loop" / "full" / "abc.mcap", out / "replay.rrd"
     episode.write_bytes(bytes(10))
     replay.write_bytes(bytes(20))
@@ -141,8 +143,11 @@ def results(tmp_path: Path) -> DemoResults:
         agreement=Agreement(both=900, edge_only=100, contact_only=300),
         episode=episode,
         replay=replay,
+        robot=out / "logs" / "robot.mcap",
+        robot_replay=out / "robot.rrd",
         pictures={name: out / "pictures" / f"{name}.png" for name in PICTURES},
         checkpoints=(out / "checkpoints" / "selection", out / "checkpoints" / "dynamics"),
+        trained=(Path("trained/selection"), Path("trained/dynamics")),
         seconds=123.4,
     )
 
@@ -216,14 +221,11 @@ def test_everything_it_refers_to_is_there(results):
     assert results.replay.resolve() in linked
 
 
-def test_it_shows_the_command_that_opens_the_pull(results):
-    command = next(line for line in shown(results).text.splitlines() if line.startswith("jenga replay"))
-    assert shlex.split(command.removesuffix("Copy")) == [
-        "jenga",
-        "replay",
-        str(results.episode),
-        "--model",
-        str(results.checkpoints[1]),
+def test_it_shows_the_commands_that_open_the_pulls(results):
+    commands = [line for line in shown(results).text.splitlines() if line.startswith("jenga replay")]
+    assert [shlex.split(command.removesuffix("Copy")) for command in commands] == [
+        ["jenga", "replay", str(results.robot), "--model", "trained/selection", "trained/dynamics"],
+        ["jenga", "replay", str(results.episode), "--model", str(results.checkpoints[1])],
     ]
 
 
