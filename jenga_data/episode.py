@@ -203,6 +203,18 @@ class Episode:
         """The tower at `frame`, as the controller saw it."""
         return TowerState(self.header.blocks, self.header.layout, self.pose[frame], self.twist[frame])
 
+    @property
+    def lag(self) -> Float[np.ndarray, "action 3"]:
+        """How far the hand's set point is ahead of the hand before each action [m]: what the target fell short so far.
+
+        The hand holds the target, so the way of the one is the way of the other. Before the first action it is taken
+        to be 0.
+        """
+        after = np.minimum(self.action_frame + 1, len(self.pose) - 1)
+        target = self.header.target
+        short = self.action - (self.pose[after, target, :3] - self.pose[self.action_frame, target, :3])
+        return np.cumsum(short, axis=0) - short
+
 
 @dataclass(frozen=True, eq=False)
 class Prediction:

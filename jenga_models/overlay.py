@@ -63,7 +63,7 @@ def predict_one_step(checkpoint: Checkpoint | Path, episode: Episode) -> Predict
     checkpoint = opened(checkpoint, "dynamics")
     frame, action = _actions(episode, 0)
     towers = _towers(episode, episode.pose[frame], episode.twist[frame])
-    pose = advance(checkpoint, towers, action, lag=_lags(episode)[np.isin(episode.action_frame, frame)])
+    pose = advance(checkpoint, towers, action, lag=episode.lag[np.isin(episode.action_frame, frame)])
     return _prediction(checkpoint, ONE_STEP, episode, frame + 1, pose)
 
 
@@ -80,7 +80,7 @@ def predict_open_loop(checkpoint: Checkpoint | Path, episode: Episode, start: in
     if answers_plans(checkpoint):
         at = frame[:1]
         towers = _towers(episode, episode.pose[at], episode.twist[at])
-        lag = _lags(episode)[episode.action_frame == frame[0]]
+        lag = episode.lag[episode.action_frame == frame[0]]
         pose = plan_ahead(checkpoint, towers, action[None], lag).pose[0]
         return _prediction(checkpoint, OPEN_LOOP, episode, frame + 1, pose)
     poses = [episode.pose[frame[0]]]
@@ -111,14 +111,6 @@ def _actions(episode: Episode, start: int) -> tuple[Int[np.ndarray, " action"], 
         last = f"the last is at frame {episode.action_frame[-1]}" if len(episode.action_frame) else "it has none"
         raise JengaError(f"episode {episode.header.key} has no action from frame {start} on: {last}")
     return frame, action
-
-
-def _lags(episode: Episode) -> Float[np.ndarray, "action 3"]:
-    """How far the hand's set point is ahead of the hand before each action [m]; see `jenga_models.plans.lags`."""
-    after = np.minimum(episode.action_frame + 1, len(episode.pose) - 1)
-    target = episode.header.target
-    short = episode.action - (episode.pose[after, target, :3] - episode.pose[episode.action_frame, target, :3])
-    return np.cumsum(short, axis=0) - short
 
 
 def _towers(

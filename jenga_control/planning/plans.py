@@ -10,10 +10,11 @@ from typing import Any
 
 import msgspec
 import numpy as np
+from jaxtyping import Float
 
 from jenga_control.extraction.closed_loop import MPPIPolicy
 from jenga_control.planning.cost import CostConfig
-from jenga_control.planning.dynamics import Dynamics, Learned, NothingMoves
+from jenga_control.planning.dynamics import Dynamics, Learned, NothingMoves, StepModel
 from jenga_control.planning.mppi import MPPIConfig
 from jenga_control.planning.mppi import Plan as Decision
 from jenga_data.collect.draws import episode_rng
@@ -21,6 +22,7 @@ from jenga_data.collect.extraction import executable
 from jenga_data.episode import Episode
 from jenga_data.replay.measures import MM, samples_at_frames
 from jenga_data.replay.plans import Plans
+from jenga_data.tower import TowerState
 from jenga_models.checkpoint import Checkpoint
 from jenga_models.predict import LearnedDynamics
 
@@ -82,8 +84,19 @@ def _policy(
         own = next((c for c in checkpoints if c.hash == header.checkpoint), None)
         if own is None:
             return None, f"not shown: give the checkpoint that acted, {header.checkpoint[:12]}, with --model"
-        dynamics = Learned(LearnedDynamics(own))
+        dynamics = _ToldByLog(LearnedDynamics(own), episode.lag)
     return MPPIPolicy(search, cost, dynamics, episode_rng(header.seed, header.number, "controller")), ""
+
+
+class _ToldByLog(Learned):
+    """The model that acted, told of the hand what the log says before each action in turn."""
+
+    def __init__(self, model: StepModel, lags: Float[np.ndarray, "action 3"]) -> None:
+        super().__init__(model)
+        self._lags = iter(lags)
+
+    def start(self, state: TowerState, target: int, lag: Float[np.ndarray, "3"] | None = None) -> None:
+        super().start(state, target, next(self._lags) if lag is None else lag)
 
 
 def _hand(episode: Episode) -> np.ndarray:

@@ -143,13 +143,6 @@ def _to_do(states: States, out: Path, name: str) -> Iterator[tuple[Resumed, int,
             yield resumed, number, path
 
 
-def lag_before(episode: Episode, number: int) -> Float[np.ndarray, "3"]:
-    """How far the hand's set point is ahead of the hand before an action, from what the target fell short [m]."""
-    target, first = episode.header.target, episode.action_frame[0]
-    way = episode.pose[episode.action_frame[number], target, :3] - episode.pose[first, target, :3]
-    return episode.action[:number].sum(0) - way
-
-
 def _branches(
     episode: Episode,
     number: int,
@@ -166,7 +159,7 @@ def _branches(
         level=header.layout.level,
         slot=header.layout.slot,
         twist=episode.twist[frame],
-        lag=lag_before(episode, number),
+        lag=episode.lag[number],
         plan=plan,
         pose=np.concatenate([start, pose], axis=1),
     )

@@ -18,7 +18,6 @@ from jenga_control.prediction.restarts import (
     Restarts,
     choose,
     eligible,
-    lag_before,
     simulate,
 )
 from jenga_control.tables import ceiling_tables
@@ -167,8 +166,8 @@ def test_states_have_their_steps_before_them_and_the_target_in_the_tower():
 
 
 def test_the_lag_grows_by_what_the_target_falls_short():
-    np.testing.assert_allclose(lag_before(episode(), 6), [-0.6e-3, 0, 0], atol=1e-12)
-    np.testing.assert_array_equal(lag_before(episode(), 0), 0.0)
+    np.testing.assert_allclose(episode().lag[6], [-0.6e-3, 0, 0], atol=1e-12)
+    np.testing.assert_array_equal(episode().lag[0], 0.0)
 
 
 def test_candidate_plans_are_around_the_last_action_and_within_the_arms_limits(tmp_path: Path):

@@ -6,16 +6,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from closed_loops import MODEL, copied, evaluated
+from closed_loops import CHEAP, MODEL, copied, evaluated
 from made_up_dataset import dynamics_dataset, untrained
 
 from jenga_control.extraction.closed_loop import CONTROLLERS
+from jenga_control.extraction.evaluate import evaluate_extraction
 from jenga_control.planning.plans import sampled_plans
 from jenga_control.replay import replay, shown_with
 from jenga_data.episode import Episode
 from jenga_data.errors import JengaError
 from jenga_data.log.reader import read_episode
 from jenga_models.checkpoint import load
+from jenga_models.config import DYNAMICS_PRESETS
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +46,22 @@ def test_plans_computed_again_start_at_the_hand_and_lead_to_the_logged_actions(l
     first_step = plans.chosen[:, 1] - plans.chosen[:, 0]
     np.testing.assert_allclose(first_step, episode.action, atol=2e-4)  # but for the limits of what is executed
     assert (plans.path[:, :, 0] == plans.chosen[:, :1]).all()
+
+
+def test_a_model_that_is_told_how_far_the_hand_is_ahead_is_told_so_by_the_log(tmp_path, monkeypatch):
+    """`best` asks for it: without, it says something else from the second action on."""
+    config = replace(DYNAMICS_PRESETS["best"], width=8, decoder_width=8, layers=1, accelerator="cpu")
+    model = untrained(tmp_path / "model", config, dynamics_dataset())
+    evaluate_extraction(model, tmp_path / "logs", ("full",), towers=1, workers=1, config=CHEAP)
+    episode = read_episode(next((tmp_path / "logs" / "full").glob("*.mcap")))
+    assert np.abs(episode.lag).max() > 1e-5
+    plans = sampled_plans(episode, [load(model)])
+    assert plans is not None
+    assert "they give the logged actions" in plans.note
+    monkeypatch.setattr(Episode, "lag", property(lambda self: np.zeros_like(self.action)))
+    untold = sampled_plans(episode, [load(model)])
+    assert untold is not None
+    assert "differs from the logged one" in untold.note
 
 
 def test_without_the_model_that_acted_its_plans_are_not_known(logs, folder, tmp_path):
