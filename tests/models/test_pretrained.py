@@ -1,14 +1,15 @@
 """Trained models that come with jenga."""
 
+import numpy as np
 import pytest
 
 from jenga_data.dataset.manifest import load_manifest
 from jenga_data.dataset.merge import merge
 from jenga_data.dataset.read import open_dataset
-from jenga_data.dataset.reference import NOISY, SELECTION
+from jenga_data.dataset.reference import DYNAMICS, NOISY, SELECTION
 from jenga_data.errors import JengaError
 from jenga_models.checkpoint import CARD, load
-from jenga_models.metrics import predict_selection
+from jenga_models.metrics import predict_dynamics, predict_selection
 from jenga_models.pretrained import pretrained
 
 
@@ -35,3 +36,16 @@ def test_the_selector_that_comes_along_is_as_good_as_its_card_says():
     test = dataset.rows("test")
     right = (predict_selection(pretrained("selection"), dataset, test) > 0.5) == dataset.column("failure")[test]
     assert round(float(right.mean()), 2) == 0.91
+
+
+def test_the_dynamics_model_that_comes_along_was_trained_on_the_reference_data_and_foresees_the_other_blocks():
+    dataset = open_dataset(DYNAMICS)
+    card = load(pretrained("dynamics"))
+    assert card.dataset.hash == dataset.hash
+    test = dataset.rows("test")
+    rows = test[~dataset.column("target_clear")[test] & ~dataset.column("collapsed")[test]][::3]
+    ahead = predict_dynamics(card, dataset, rows)
+    truth, before = dataset.column("next_pose")[rows].astype(float), dataset.column("block_pose")[rows].astype(float)
+    others = np.arange(truth.shape[1]) != dataset.column("target")[rows][:, None]
+    error, trivial = ((pose[..., :3] - truth[..., :3])[others] for pose in (ahead, before))
+    assert 1 - (error**2).sum() / (trivial**2).sum() > 0.8
