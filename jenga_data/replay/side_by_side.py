@@ -157,7 +157,10 @@ class _Grid:
         box = (column * self._width / width, bottom / height, self._width / width, self.height / height)
         left, right = self.camera.window[:2]
         axis = (self.camera.project(np.zeros(3))[0] - left) / (right - left)
-        x, y = box[0] + box[2] * float(np.clip(axis, 0.3, 0.7)), (bottom - 0.2 * self._letter) / height
+        # Below the turntable, but not beyond the figure's edge: a letter is about half as wide as it is high.
+        half = 0.33 * self._letter * max(map(len, caption.splitlines())) / width
+        x = float(np.clip(box[0] + box[2] * np.clip(axis, 0.3, 0.7), min(half, 0.5), max(1 - half, 0.5)))
+        y = (bottom - 0.2 * self._letter) / height
         figure.text(x, y, caption, ha="center", va="top", fontsize=self._points(), linespacing=1.2)
         return figure.add_axes(box)
 
