@@ -25,6 +25,8 @@ Rollout = Callable[[Float[np.ndarray, "sample horizon 3"]], Float[np.ndarray, " 
 class MPPIConfig:
     """Parameters of the search. Actions are displacements in one control period [m].
 
+    `sigma` is the spread of the plans around their mean, one for all axes or one for each.
+
     `temperature` is normalised: costs enter as (cost - best) / (median - best), so that the median plan weighs
     exp(-1 / temperature) of the best one. An absolute temperature would have to be tuned again for every
     objective, and any scale that looks at the worse half (range, standard deviation) is blown up by a single plan
@@ -44,7 +46,7 @@ class MPPIConfig:
 
     horizon: int = 5
     samples: int = 100
-    sigma: float = 1e-3
+    sigma: float | Vector = 1e-3
     temperature: float = 0.3
     search_low: Vector = (-0.02, -0.02, -0.02)
     search_high: Vector = (0.02, 0.02, 0.02)
@@ -57,7 +59,8 @@ class MPPIConfig:
 
     def __post_init__(self) -> None:
         for name in ("horizon", "samples", "sigma", "temperature"):
-            if not (np.isfinite(getattr(self, name)) and getattr(self, name) > 0):
+            value = np.asarray(getattr(self, name), float)
+            if not (np.isfinite(value) & (value > 0)).all():
                 raise JengaError(f"{name} is {getattr(self, name)}; it must be finite and above 0")
         low = np.maximum(self.search_low, self.execute_low)
         high = np.minimum(self.search_high, self.execute_high)
@@ -85,8 +88,10 @@ PRESETS: dict[str, MPPIConfig] = {
     # Section II-C: the search is limited to 2 cm on every axis, the action (section II-A) to 0.1 cm in y and z.
     # The paper gives neither temperature nor initial mean.
     "paper": MPPIConfig(sample_within_clip=False, max_change_x=None),
-    # Plans are judged by what will be done, and 13 mm a period squared of 32 ms is the 13 m/s^2 of the arm.
-    "best": MPPIConfig(),
+    # Plans are judged by what will be done, and 13 mm a period squared of 32 ms is the 13 m/s^2 of the arm. Fast pulls
+    # disturb least (the tablecloth), and a block is out before a search by 1 mm a decision has found its way there: on
+    # 30 validation towers the paper's sigma and a slow start extracted 10, a start at 12 mm 17, this 18.
+    "best": MPPIConfig(sigma=(4e-3, 3e-4, 3e-4), initial_action=(-8e-3, 0.0, 0.0)),
 }
 
 
