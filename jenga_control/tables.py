@@ -198,6 +198,7 @@ def extraction_tables(reports: Sequence[dict[str, Any]]) -> str:
     """Evaluations of the closed loop side by side, then why each failed."""
     rows = [
         (
+            report["way"],
             report["objective"],
             report["dynamics"],
             ", ".join(sorted(name for name, on in report["switches"].items() if on)) or "none",
@@ -207,9 +208,9 @@ def extraction_tables(reports: Sequence[dict[str, Any]]) -> str:
         for report in reports
     ]
     causes = sorted({cause for report in reports for cause in report["causes"]})
-    parts = [markdown_table(("Objective", "Dynamics", "Switches", "Success", "Decisions a second"), rows)]
+    parts = [markdown_table(("Way", "Objective", "Dynamics", "Switches", "Success", "Decisions a second"), rows)]
     if causes:
-        header = ("Cause of failure", *(f"{report['objective']}, {report['dynamics']}" for report in reports))
+        header = ("Cause of failure", *(report["way"] for report in reports))
         counts = [(cause or "none given", *(report["causes"].get(cause, 0) for report in reports)) for cause in causes]
         parts.append(markdown_table(header, counts))
     return "\n".join(parts)

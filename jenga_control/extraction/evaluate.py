@@ -161,7 +161,10 @@ def _report(
     found: Mapping[str, Way], ended: Mapping[str, list[Ended]], switches: Switches, out: Path
 ) -> dict[str, Any]:
     reports = {
-        name: describe(way) | scores(ended[name]) | {"switches": switches.as_dict(), "logs": str(out / name)}
+        name: {"way": name}
+        | describe(way)
+        | scores(ended[name])
+        | {"switches": switches.as_dict(), "logs": str(out / name)}
         for name, way in found.items()
     }
     for name, way in found.items():

@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from jenga_control.planning.cost import PAPER_COST
 from jenga_control.planning.mppi import PRESETS
 from jenga_data.collect.config import ExtractionConfig, SelectionConfig
@@ -179,13 +181,20 @@ def _training() -> list[Departure]:
 
 def _control() -> list[Departure]:
     paper, best = PRESETS["paper"], PRESETS["best"]
+    spread, wide = (", ".join(f"{1e3 * axis:g}" for axis in np.broadcast_to(p.sigma, 3)) for p in (paper, best))
     return [
         Departure(
             "temperature and first plan of MPPI",
             "not given",
-            f"{best.temperature:g}, normalised by the spread of the costs; a slow pull of "
-            f"{-1e3 * best.initial_action[0]:g} mm a step",
+            f"{best.temperature:g}, normalised by the spread of the costs; a pull of "
+            f"{-1e3 * paper.initial_action[0]:g} mm a step, preset best: {-1e3 * best.initial_action[0]:g} mm",
             "the objective is linear in a_x: without a start it has no optimum but the limit",
+        ),
+        Departure(
+            "spread of sampled plans",
+            "sigma 1 mm",
+            f"preset paper: {spread} mm in x, y, z; preset best: {wide}",
+            "fast pulls disturb least; by 1 mm a decision a block is out before the search has found them",
         ),
         Departure(
             "limits of sampled plans",
