@@ -70,8 +70,9 @@ def causes_figure(ways: Ways) -> Figure:
     names = list(ways)
     total = np.array([max(ways[name]["success"]["n"], 1) for name in names])
     left = np.zeros(len(names))
+    colours = [colour for colour in _COLOURS if colour != GREEN]  # that is success, and nothing else
     parts = [("success", GREEN, "")] + [
-        (cause, _COLOURS[place % len(_COLOURS)], "///"[: place // len(_COLOURS)]) for place, cause in enumerate(causes)
+        (cause, colours[place % len(colours)], "///"[: place // len(colours)]) for place, cause in enumerate(causes)
     ]
     for cause, colour, hatch in parts:
         counts = [

@@ -4,6 +4,7 @@ import pytest
 from closed_loops import CHEAP, MadeUpPulls, result
 
 from jenga_control.extraction.evaluate import Switches, evaluate_extraction
+from jenga_control.extraction.figures import causes_figure
 from jenga_control.extraction.report import report_extraction
 from jenga_control.extraction.touch import TouchConfig
 from jenga_data.errors import JengaError
@@ -58,12 +59,19 @@ def test_ways_are_compared_with_the_best_straight_pull_on_common_towers(report):
 def test_a_straight_pulls_speed_is_what_it_was_told_and_anothers_what_it_did(report):
     ways = report["ways"]
     assert (ways["straight-0.05"]["speed"], ways["straight-0.5"]["speed"]) == (0.05, 0.5)
-    # Three decisions that start at 2 mm a step, 0.0625 m/s, and are pulled on by half a sigma each.
-    assert 0.05 < ways["naive"]["speed"] < 0.15
+    # Three decisions that start at 8 mm a step, 0.25 m/s, and are pulled on by half a sigma of 4 mm each.
+    assert 0.25 < ways["naive"]["speed"] < 0.5
 
 
 def test_the_ceiling_of_all_ways_together_is_told(report):
     assert report["any"]["success"] == {"rate": 1.0, "n": 2, "ci95": pytest.approx([0.342, 1.0], abs=1e-3)}
+
+
+def test_no_two_fates_look_alike(report):
+    row = report["ways"]["naive"] | {"causes": {f"cause {k}": 1 for k in range(12)}}
+    (axes,) = causes_figure({"naive": row}).axes
+    looks = {(patch.get_facecolor(), patch.get_hatch()) for patch in axes.patches}
+    assert len(looks) == len(axes.patches) == 13
 
 
 def test_it_is_written_as_tables_and_figures(report):
