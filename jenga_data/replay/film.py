@@ -1,4 +1,4 @@
-"""An episode as an animated picture, for a page or a slide: the same drawing as the film strip, in real time."""
+"""An episode as an animated picture, for a page or a slide: drawn as the film strip, the pull in slow motion."""
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -20,6 +20,8 @@ from jenga_data.replay.solids import Boxes
 KINDS = {".gif": {"optimize": True, "disposal": 1}, ".webp": {"quality": 80, "method": 4}}
 """What may be written, by its suffix, and how Pillow writes it."""
 FRAMES_A_SECOND = 10
+SLOWED = 5
+"""A pull lasts a quarter of a second: it is shown so many times slower, with all of its frames."""
 _LAST_SECONDS = 2.0
 """So long the last picture stays before the film begins again."""
 _LETTER = 0.05
@@ -29,8 +31,9 @@ _LETTER = 0.05
 def write_film(path: Path, episode: Episode, predictions: Sequence[Prediction] = (), height: int = 400) -> Path:
     """Write the episode as a GIF or an animated WebP that repeats for ever, ten pictures a second of real time.
 
-    Below the tower stand the phase and the time since the first frame. What simulators predict are ghosts where they
-    differ from the truth, in the colours that a replay gives them; frames that a model says nothing of have none.
+    While somebody acts, every frame is shown, `SLOWED` times as long. Below the tower stand the phase and the time
+    since the first frame. What simulators predict are ghosts where they differ from the truth, in the colours that a
+    replay gives them; frames that a model says nothing of have none.
 
     Args:
         predictions: of simulators; those without frames, as selectors', show nothing.
@@ -41,9 +44,7 @@ def write_film(path: Path, episode: Episode, predictions: Sequence[Prediction] =
     """
     if path.suffix.lower() not in KINDS:
         raise JengaError(f"--film writes {' or '.join(KINDS)}; {path} ends in neither")
-    shown = film_frames(episode)
-    time = seconds(episode)[shown]
-    lasts = np.append(np.diff(time), _LAST_SECONDS)
+    shown, lasts = film_frames(episode)
     try:
         with progress("film", len(shown)) as bar:
             pictures = _pictures(episode, predictions, shown, height)
@@ -56,19 +57,22 @@ def write_film(path: Path, episode: Episode, predictions: Sequence[Prediction] =
             first, *others = counted()
             first.save(
                 path, save_all=True, append_images=others, loop=0,
-                duration=np.round(1e3 * lasts).astype(int).tolist(), **KINDS[path.suffix.lower()],
+                duration=[round(1e3 * each) for each in lasts], **KINDS[path.suffix.lower()],
             )  # fmt: skip
     except OSError as error:
         raise JengaError(f"cannot write {path}: {error.strerror or error}; choose another path") from error
     return path
 
 
-def film_frames(episode: Episode) -> list[int]:
-    """The frames that are shown, at about `FRAMES_A_SECOND`, up to the last in which every number is finite."""
+def film_frames(episode: Episode) -> tuple[list[int], list[float]]:
+    """The frames that are shown, up to the last in which every number is finite, and how long each [s]."""
     finite = np.asarray(np.isfinite(episode.pose).all(axis=(1, 2)))
     time = seconds(episode)[: len(finite) if finite.all() else max(int(np.argmin(finite)), 1)]
-    wanted = np.arange(0.0, time[-1], 1 / FRAMES_A_SECOND)
-    return np.unique([*np.searchsorted(time, wanted), len(time) - 1]).tolist()
+    wanted = np.searchsorted(time, np.arange(0.0, time[-1], 1 / FRAMES_A_SECOND))
+    acted = episode.action_frame[episode.action_frame < len(time)]
+    shown = np.unique([*wanted, *acted, *np.minimum(acted + 1, len(time) - 1), len(time) - 1])
+    lasts = np.append(np.diff(time[shown]), _LAST_SECONDS)
+    return shown.tolist(), np.where(np.isin(shown, acted), SLOWED * lasts, lasts).tolist()
 
 
 def _pictures(
@@ -94,7 +98,8 @@ def _pictures(
         )  # fmt: skip
         picture = Image.new("RGB", (drawn.shape[1], height), _rgb(PAPER))
         picture.paste(Image.fromarray(np.round(drawn * 255).astype(np.uint8)))
-        words = f"{phase_name(episode, frame).replace('_', ' ')}   {time[frame]:.1f} s"
+        words = f"{phase_name(episode, frame).replace('_', ' ')}   {time[frame]:.2f} s"
+        words += f"   {SLOWED} times slower" if frame in episode.action_frame else ""
         ImageDraw.Draw(picture).text((picture.width / 2, tall + letter / 2), words, _rgb(INK), font, anchor="mt")
         yield picture
 

@@ -10,7 +10,7 @@ from PIL import Image
 
 from jenga_data.episode import Episode, Prediction
 from jenga_data.palette import TARGET, model_colour
-from jenga_data.replay.film import film_frames, write_film
+from jenga_data.replay.film import SLOWED, film_frames, write_film
 from jenga_data.replay.measures import seconds
 
 
@@ -35,7 +35,7 @@ def near(picture: np.ndarray, colour: tuple[float, float, float]) -> int:
 
 def test_it_lasts_as_long_as_the_episode_and_rests_on_its_end(episode: Episode, tmp_path: Path) -> None:
     path = write_film(tmp_path / "x.gif", episode, height=120)
-    shown = film_frames(episode)
+    shown, _ = film_frames(episode)
     assert shown[0] == 0
     assert shown[-1] == len(episode.time_ns) - 1
     with Image.open(path) as film:
@@ -45,7 +45,17 @@ def test_it_lasts_as_long_as_the_episode_and_rests_on_its_end(episode: Episode, 
         for number in range(frames_in(film)):
             film.seek(number)
             lasted += film.info["duration"]
-    assert lasted / 1e3 == pytest.approx(float(seconds(episode)[-1]) + 2.0, abs=0.02 * len(shown))
+    acting = seconds(episode)[episode.action_frame[-1] + 1] - seconds(episode)[episode.action_frame[0]]
+    slowed = float(seconds(episode)[-1] + (SLOWED - 1) * acting)
+    assert lasted / 1e3 == pytest.approx(slowed + 2.0, abs=0.02 * len(shown))
+
+
+def test_every_frame_of_a_pull_is_shown(episode: Episode) -> None:
+    shown, lasts = film_frames(episode)
+    assert set(episode.action_frame) <= set(shown)
+    step = float(np.diff(seconds(episode))[0])
+    of_pull = [last for frame, last in zip(shown, lasts, strict=True) if frame in episode.action_frame]
+    np.testing.assert_allclose(of_pull, SLOWED * step)
 
 
 def test_the_target_moves_through_it(episode: Episode, tmp_path: Path) -> None:
@@ -55,7 +65,7 @@ def test_the_target_moves_through_it(episode: Episode, tmp_path: Path) -> None:
 
 
 def test_a_ghost_is_there_where_the_model_is_wrong_and_only_then(episode: Episode, tmp_path: Path) -> None:
-    frame = np.array(film_frames(episode)[1:3])
+    frame = np.array(film_frames(episode)[0][1:3])
     right = make_prediction(episode, "gns", "open_loop", frame, 0.0, 0)
     aside = right.pose.copy()
     aside[:, :, 1] += 0.03
@@ -79,5 +89,6 @@ def test_physics_that_broke_ends_the_film_before_it(episode: Episode, tmp_path: 
     pose = episode.pose.copy()
     pose[50:] = np.nan
     broken = replace(episode, pose=pose)
-    assert film_frames(broken)[-1] == 49
-    assert len(pictures(write_film(tmp_path / "x.gif", broken, height=80))) == len(film_frames(broken))
+    shown, _ = film_frames(broken)
+    assert shown[-1] == 49
+    assert len(pictures(write_film(tmp_path / "x.gif", broken, height=80))) == len(shown)
