@@ -19,7 +19,7 @@ def only_transitions(old: Path, plain: dict[str, Any], new: Path) -> dict[str, A
     manifest = manifest_of(old, plain)
     if manifest.kind == "selection":
         raise JengaError(
-            f"{old} holds pulls without `block_moved`, which only their logs can say: convert them again with `jenga "
-            "convert`"
+            f"{manifest.identifier} holds pulls without `block_moved`, which only their logs can say: convert them "
+            "again with `jenga convert`"
         )
     return rewritten(old, manifest, new, _TO, "", lambda rows, _: rows)

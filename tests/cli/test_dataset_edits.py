@@ -81,13 +81,17 @@ def test_convert_onto(halves: list[Path], selection_logs: Made, tmp_path):
 
 
 def test_migrate(tmp_path):
-    old = Path(__file__).parents[1] / "dataset" / "format_1_0" / "selection"
+    kept = Path(__file__).parents[1] / "dataset" / "format_1_0"
+    old = kept / "dynamics"
     said = jenga("dataset", "migrate", old, "--out", tmp_path / "new", "--json").object()
-    assert said["dataset"] == "old-selection@1.0.1"
+    assert said["dataset"] == "old-dynamics@1.0.1"
     assert jenga("dataset", "verify", tmp_path / "new").code == 0
     assert "nothing to migrate" in jenga("dataset", "migrate", tmp_path / "new", "--out", tmp_path / "newer").line()
     drop = ("dataset", "drop", old, "--where", "round == 1", "--version", "2.0.0", "--out", tmp_path / "d")
     assert f"jenga dataset migrate {old} --out NEW" in jenga(*drop).line()
+    line = jenga("dataset", "migrate", kept / "selection", "--out", tmp_path / "pulls").line()
+    assert "holds pulls without `block_moved`, which only their logs can say: convert them again" in line
+    assert not (tmp_path / "pulls").exists()
 
 
 @pytest.mark.parametrize("verb", ["merge", "drop", "migrate"])
