@@ -165,15 +165,15 @@ def _training() -> list[Departure]:
         Departure(
             "selector, preset best",
             "–",
-            f"{selector.members} networks that sweep down and up the levels, {selector.layers} times in all, read out at "
-            f"the {selector.readout}; they learn how a pull ended and moved the blocks beside its label",
+            f"{selector.members} networks that sweep down and up the levels, {selector.layers} times in all, read out "
+            f"at the {selector.readout}; they learn how a pull ended and moved the blocks beside its label",
             "load goes down a tower and support comes up; a label alone is one bit a pull",
         ),
         Departure(
             "simulator, preset best",
             "4 layers of a GNS, mean squared error",
-            f"width {dynamics.width}; told velocities and the hand's lag; looks at the tower once a decision and answers "
-            "all plans with a small network a block; its loss is the length of each error",
+            f"width {dynamics.width}; told velocities and the hand's lag; looks at the tower once a decision and "
+            "answers all plans with a small network a block; its loss is the length of each error",
             "without velocities not even the simulator knows what comes; composing graphs was the paper's bottleneck",
         ),
     ]
