@@ -100,12 +100,15 @@ def bench() -> dict[str, Verb]:
         report = bench_loader(where, rounds, batch_size, seed)
         return Shown(json, report, report.pop("text"))
 
-    def convert(logs: tyro.conf.Positional[tuple[Path, ...]], rounds: int = 5, json: Json = False) -> Shown:
+    def convert(
+        logs: tyro.conf.Positional[tuple[Path, ...]], rounds: int = 5, workers: int = 2, json: Json = False
+    ) -> Shown:
         """How fast logs become a dataset, beside reading them message by message into torch_geometric's objects.
 
         Args:
             logs: folders (or files) of MCAP logs, all selection or all extraction, of three towers and more.
             rounds: times that both sides are measured.
+            workers: processes that read logs, beside one.
         """
         if not logs:
             raise JengaError("no folder of logs was given; name at least one: jenga bench convert FOLDER")
@@ -114,7 +117,7 @@ def bench() -> dict[str, Verb]:
         find_logs(logs)  # a wrong folder is refused before torch takes its seconds to import
         from jenga_models.bench.convert import bench_convert
 
-        report = bench_convert(logs, rounds)
+        report = bench_convert(logs, rounds, workers)
         return Shown(json, report, report.pop("text"))
 
     return {"loader": loader, "convert": convert}

@@ -1,4 +1,4 @@
-"""Logs in, a dataset out: byte-identical for the same logs in any order, one episode in memory at a time."""
+"""Logs in, a dataset out: byte-identical for the same logs in any order, a few episodes in memory at a time."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,7 +11,8 @@ from jenga_data.dataset.provenance import provenance
 from jenga_data.dataset.shards import plan
 from jenga_data.dataset.sources import read_sources
 from jenga_data.dataset.split import split_towers
-from jenga_data.dataset.staging import new_folder, refuse_existing
+from jenga_data.dataset.spool import spool_folder
+from jenga_data.dataset.staging import new_folder
 from jenga_data.dataset.write import write_shards
 from jenga_data.errors import JengaError
 
@@ -38,22 +39,22 @@ def convert(
     """
     check_identity(name, version)
     check_workers(workers)
-    refuse_existing(out)
-    sources = read_sources(logs, workers)
-    draft = Draft(
-        name=name,
-        version=version,
-        kind=sources.kind,
-        blocks=sources.blocks,
-        splits=split_towers(s.tower for s in sources.valid),
-        provenance=provenance(sources),
-        invalid=len(sources.logs) - len(sources.valid),
-        licence=licence,
-        description=description,
-    )
     with new_folder(out) as folder:
-        train = frozenset(draft.splits.train)
-        parts = write_shards(folder, sources.kind, sources.blocks, plan(sources.valid), train, workers)
+        with spool_folder(folder) as spool:
+            sources = read_sources(logs, workers, spool)
+            draft = Draft(
+                name=name,
+                version=version,
+                kind=sources.kind,
+                blocks=sources.blocks,
+                splits=split_towers(s.tower for s in sources.valid),
+                provenance=provenance(sources),
+                invalid=len(sources.logs) - len(sources.valid),
+                licence=licence,
+                description=description,
+            )
+            train = frozenset(draft.splits.train)
+            parts = write_shards(folder, sources.kind, sources.blocks, plan(sources.valid), train, workers)
         return assemble(folder, draft, parts, table_of([e for part in parts for e in part.episodes]))
 
 

@@ -22,6 +22,7 @@ from jenga_data.dataset.provenance import invalid_numbers, joined_provenance, pr
 from jenga_data.dataset.shards import plan
 from jenga_data.dataset.sources import Source, Sources, read_sources
 from jenga_data.dataset.split import split_towers
+from jenga_data.dataset.spool import spool_folder
 from jenga_data.dataset.staging import new_folder, refuse_existing
 from jenga_data.dataset.take import take_over
 from jenga_data.dataset.write import write_shards
@@ -75,7 +76,9 @@ def convert_onto(
     with new_folder(out) as folder:
         (folder / DATA).mkdir()
         old = [take_over(parent, file, folder, train) for file in parent.files]
-        parts = write_shards(folder, new.kind, new.blocks, plan(new.valid), train, workers)
+        with spool_folder(folder) as spool:
+            rows = read_sources([log.path for log in new.logs], workers, spool)
+            parts = write_shards(folder, new.kind, new.blocks, plan(rows.valid), train, workers)
         added = table_of([e for part in parts for e in part.episodes])
         manifest = assemble(folder, draft, [*old, *parts], joined([parent.episodes, added]))
     copies = len(found.logs) - len(new.logs)

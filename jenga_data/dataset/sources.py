@@ -3,6 +3,7 @@
 import hashlib
 import logging
 from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,11 +11,14 @@ from typing import Any
 import msgspec
 
 from jenga_data.dataset.schema import DATASET_KIND
+from jenga_data.dataset.spool import Spooled, spool_writer
 from jenga_data.episode import EpisodeHeader, Result
 from jenga_data.errors import JengaError
-from jenga_data.log.files import file_sha256
+from jenga_data.log.excerpt import read_for_rows
+from jenga_data.log.index import fingerprint
 from jenga_data.log.output import PARTIAL
 from jenga_data.log.reader import read_header
+from jenga_data.log.records import one_line, open_log
 from jenga_data.outcome import Outcome
 from jenga_data.pool import run_every
 from jenga_data.progress import progress
@@ -22,12 +26,13 @@ from jenga_data.progress import progress
 _LOG = logging.getLogger(__name__)
 _PREDICTION = ".prediction.mcap"
 _LOGS_A_TASK = 64
-"""A worker takes a second to start; the headers of so many logs take about as long."""
+"""A worker takes a second to start; so many logs take less."""
 
 
 @dataclass(frozen=True)
 class Source:
-    """One log, as far as it is kept in memory. Fields other than `path` are columns of `episodes.parquet`."""
+    """One log, as far as it is kept in memory. From `episode` to `versions` the fields are columns of
+    `episodes.parquet`."""
 
     path: Path
     episode: str
@@ -53,6 +58,8 @@ class Source:
     log_bytes: int
     commit: str
     versions: str
+    spooled: Spooled | None = None
+    """Where the rows wait, if they were asked for and there are any."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +104,14 @@ def find_logs(folders: Sequence[Path]) -> list[Path]:
     return list(found)
 
 
-def read_sources(folders: Sequence[Path], workers: int = 1) -> Sources:
-    """Look at every log below the folders, without reading its frames.
+def read_sources(folders: Sequence[Path], workers: int = 1, spool: Path | None = None) -> Sources:
+    """Look at every log below the folders.
 
-    Byte-identical copies count once. The result does not depend on the order of folders and files.
+    Byte-identical copies count once. The result does not depend on the order of folders and files, but for where rows
+    wait.
+
+    Args:
+        spool: folder for the rows that the logs make; None: frames are neither read nor checked.
 
     Raises:
         JengaError: logs are damaged, unfinished, of different kinds or sizes, or contradict each other; or a worker
@@ -110,7 +121,7 @@ def read_sources(folders: Sequence[Path], workers: int = 1) -> Sources:
     by_key: dict[str, Source] = {}
     configs: dict[str, dict[str, Any]] = {}
     kinds: dict[tuple[str, int], Path] = {}
-    for look in _looks(paths, workers):
+    for look in _looks(paths, workers, spool):
         configs |= look.configs
         for source, blocks in look.sources:
             other = by_key.setdefault(source.episode, source)
@@ -130,35 +141,61 @@ def read_sources(folders: Sequence[Path], workers: int = 1) -> Sources:
 
 
 @dataclass(frozen=True)
+class _Task:
+    """Logs to look at, and the file for their rows if these are wanted: of logs like one that was looked at before."""
+
+    paths: tuple[Path, ...]
+    spool: Path | None
+    kind: str
+    blocks: int
+
+
+@dataclass(frozen=True)
 class _Look:
-    """What the headers of some logs say: each log with its number of blocks, and the configs by their hash."""
+    """What some logs say: each with its number of blocks, and the configs by their hash."""
 
     sources: list[tuple[Source, int]]
     configs: dict[str, dict[str, Any]]
 
 
-def _looks(paths: Sequence[Path], workers: int) -> list[_Look]:
-    """Headers of all logs, in the order of `paths` for any number of workers."""
+def _looks(paths: Sequence[Path], workers: int, spool: Path | None) -> list[_Look]:
+    """Looks at all logs, in the order of `paths` for any number of workers."""
+    first, _ = read_header(paths[0])
+    like = first.kind, len(first.blocks)
     chunks = [tuple(paths[i : i + _LOGS_A_TASK]) for i in range(0, len(paths), _LOGS_A_TASK)]
-    found: dict[tuple[Path, ...], _Look] = {}
-    with progress("read headers", len(paths)) as bar:
-        for chunk, look in run_every(_look, chunks, max(1, min(workers, len(chunks) // 2))):
-            found[chunk] = look
-            bar.advance(len(chunk))
-    return [found[chunk] for chunk in chunks]
+    tasks = [_Task(chunk, spool and spool / f"{i}.arrow", *like) for i, chunk in enumerate(chunks)]
+    found: dict[_Task, _Look] = {}
+    with progress("read logs", len(paths)) as bar:
+        for task, look in run_every(_look, tasks, max(1, min(workers, len(chunks) // 2))):
+            found[task] = look
+            bar.advance(len(task.paths))
+    return [found[task] for task in tasks]
 
 
-def _look(paths: Sequence[Path]) -> _Look:
+def _look(task: _Task) -> _Look:
     look = _Look([], {})
-    for path in paths:
-        header, result = read_header(path)
-        source = _source(path, header, result)
-        look.sources.append((source, len(header.blocks)))
-        look.configs[source.config] = header.config
+    with ExitStack() as stack:
+        writer = None
+        if task.spool is not None and task.kind in DATASET_KIND:
+            writer = stack.enter_context(spool_writer(task.spool, DATASET_KIND[task.kind], task.blocks))
+        for path in task.paths:
+            with one_line(path), open_log(path) as stream:
+                file = fingerprint(stream)
+            if writer is None:
+                header, result = read_header(path)
+                excerpt = None
+            else:
+                read = read_for_rows(path, DATASET_KIND[task.kind] == "selection", file.intact)
+                header, result, excerpt = read.header, read.result, read.excerpt
+            like = (header.kind, len(header.blocks)) == (task.kind, task.blocks)
+            spooled = writer.add(excerpt) if writer is not None and excerpt is not None and like else None
+            source = _source(path, header, result, file.sha256, spooled)
+            look.sources.append((source, len(header.blocks)))
+            look.configs[source.config] = header.config
     return look
 
 
-def _source(path: Path, header: EpisodeHeader, result: Result | None) -> Source:
+def _source(path: Path, header: EpisodeHeader, result: Result | None, sha256: str, spooled: Spooled | None) -> Source:
     if result is None:
         raise JengaError(f"{path} ends before its outcome: run `jenga log recover {path}`, or delete it")
     if header.kind not in DATASET_KIND:
@@ -173,6 +210,7 @@ def _source(path: Path, header: EpisodeHeader, result: Result | None) -> Source:
     verdict = result.verdict
     return Source(
         path=path,
+        spooled=spooled,
         episode=header.key,
         kind=header.kind,
         seed=header.seed,
@@ -192,7 +230,7 @@ def _source(path: Path, header: EpisodeHeader, result: Result | None) -> Source:
         cause=result.cause,
         clear_frame=verdict.clear_frame,
         control_step_ns=header.control_step_ns,
-        log_sha256=file_sha256(path),
+        log_sha256=sha256,
         log_bytes=path.stat().st_size,
         commit=" ".join(commits),
         versions=msgspec.json.encode(versions, order="deterministic").decode(),

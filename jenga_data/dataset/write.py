@@ -9,20 +9,16 @@ from typing import Any
 import numpy as np
 
 from jenga_data.dataset.manifest import DATA, File
-from jenga_data.dataset.rows import rows_of_all
 from jenga_data.dataset.schema import COLUMNS, Column, arrow_schema
 from jenga_data.dataset.shards import Shard
 from jenga_data.dataset.sources import Source
+from jenga_data.dataset.spool import SpoolReader
 from jenga_data.dataset.staging import file_entry
 from jenga_data.dataset.statistics import ColumnStatistics
-from jenga_data.dataset.tables import numpy_column, open_parquet, record_batch, table_writer
+from jenga_data.dataset.tables import numpy_column, open_parquet, table_writer
 from jenga_data.errors import JengaError
-from jenga_data.log.excerpt import Excerpt, read_for_rows
 from jenga_data.pool import run_every
 from jenga_data.progress import progress
-
-_FRAMES_AT_ONCE = 32
-"""Rows are made of so many frames together, or of one log that has more: it takes half the time of one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,10 +48,10 @@ class _Task:
 def write_shards(
     folder: Path, kind: str, blocks: int, shards: Sequence[Shard], train: frozenset[str], workers: int
 ) -> list[Written]:
-    """Write all shards into `folder`, in the order of their paths for any number of workers.
+    """Write all shards into `folder`, from the rows that wait, in the order of their paths for any number of workers.
 
     Raises:
-        JengaError: a log is damaged or makes no rows, or a worker died.
+        JengaError: a worker died.
     """
     (folder / DATA).mkdir(exist_ok=True)
     tasks = [_Task(folder, kind, blocks, shard, train) for shard in shards]
@@ -80,35 +76,21 @@ def _written(tasks: Sequence[_Task], workers: int, each: Callable[[Sequence[Sour
 
 
 def _write_shard(task: _Task, each: Callable[[Source], None] = lambda _: None) -> Written:
-    """Write one file, a few episodes in memory at a time, calling `each` after every episode."""
+    """Write one file, a row group in memory at a time, calling `each` after every episode."""
     refuse_name(task.folder, task.shard.path)
     columns = COLUMNS[task.kind]
     schema = arrow_schema(columns, task.blocks)
     episodes = []
+    spool = SpoolReader()
     with table_writer(task.folder / task.shard.path, columns, schema) as table:
-        for group in _groups(task.shard.sources):
-            batch = record_batch(rows_of_all([(found.episode, found.number) for _, found in group]), schema)
-            start = 0
-            for source, found in group:
-                rows = 1 if source.kind == "selection" else len(found.episode.action_frame)
-                table.write(batch.slice(start, rows))
-                start += rows
-                episodes.append(vars(source) | {"frames": found.frames, "rows": rows})
-                each(source)
+        for source in task.shard.sources:
+            assert source.spooled is not None
+            rows = spool.rows(source.spooled)
+            table.write(rows)
+            episodes.append(vars(source) | {"frames": source.spooled.frames, "rows": rows.num_rows})
+            each(source)
     file = file_entry(task.folder, task.shard.path, table.rows)
     return Written(file, training_statistics(task.folder / file.path, columns, task.train), episodes)
-
-
-def _groups(sources: Sequence[Source]) -> Iterator[list[tuple[Source, Excerpt]]]:
-    """What the rows of the logs are made from, as many logs together as do not take much memory."""
-    group: list[tuple[Source, Excerpt]] = []
-    for source in sources:
-        group.append((source, read_for_rows(source.path, selection=source.kind == "selection")))
-        if sum(len(found.episode.pose) for _, found in group) >= _FRAMES_AT_ONCE:
-            yield group
-            group = []
-    if group:
-        yield group
 
 
 def refuse_name(folder: Path, path: str) -> None:

@@ -1,27 +1,37 @@
 """As much of a log as the rows of a dataset need: few of its frames, whole and checked."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
 
 import numpy as np
 from jaxtyping import Int
 
 from jenga_data.clock import CONTROL_STEP_NS, MOMENTS
-from jenga_data.episode import Episode
+from jenga_data.episode import Episode, EpisodeHeader, Result
 from jenga_data.log import codec, profile
 from jenga_data.log.gather import Raw, gather, refuse_damage
-from jenga_data.log.header import check_kind
-from jenga_data.log.index import Window, is_intact, select
-from jenga_data.log.reader import read_episode, stack
+from jenga_data.log.header import check_kind, read_header_of
+from jenga_data.log.index import Window, select
+from jenga_data.log.reader import read_episode, read_header, result_of, stack
 from jenga_data.log.records import one_line, open_log
+from jenga_data.outcome import Outcome
 
 _ONCE = (profile.TOWER, profile.OUTCOME)
 _PER_FRAME = (profile.STATE, profile.CONTACTS)
 _AROUND = (*_PER_FRAME, profile.GRIPPER)
 _MARGIN_NS = 2 * CONTROL_STEP_NS
 """So long after the last action the frame is looked for to which it led."""
+_BEGUN = Window(first=_PER_FRAME, first_ns=(max(MOMENTS) + 1) * CONTROL_STEP_NS)
+_ACTED = Window(first=_PER_FRAME, around=profile.ACTION, topics=_AROUND, margin_ns=_MARGIN_NS)
+
+
+@dataclass(frozen=True, eq=False)
+class Read:
+    """What a log says of its episode, and what rows are made from: nothing where its physics broke or it has no end."""
+
+    header: EpisodeHeader
+    result: Result | None
+    excerpt: "Excerpt | None"
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,24 +46,37 @@ class Excerpt:
     frames: int
 
 
-def read_for_rows(path: Path, selection: bool) -> Excerpt:
-    """As much of a log as the rows of a dataset need.
+def read_for_rows(path: Path, selection: bool, intact: bool) -> Read:
+    """As much of a log as the rows of a dataset need, opened once.
 
-    Every byte of the file is compared with the file's checksums. Messages that no row needs are not decoded: that
-    is what `doctor` does.
+    Messages that no row needs are not decoded: that is what `doctor` does.
 
     Args:
         selection: read no actions, frame 0 and the moments that a row of a selection tells of.
+        intact: whether the file is known to be as its writer wrote it (`index.fingerprint`); otherwise all of it is
+            read and checked.
 
     Raises:
         JengaError: as `read_episode`.
         CheckFailed: as `read_episode`.
     """
     with one_line(path):
+        if not intact:
+            header, result = read_header(path)
+            return Read(header, result, _whole(path) if _makes_rows(result) else None)
+        topics, window = (_ONCE, _BEGUN) if selection else ((*_ONCE, profile.ACTION), _ACTED)
         with open_log(path) as stream:
-            intact = is_intact(stream)
-            found = (_begun(path, stream) if selection else _acted(path, stream)) if intact else None
-        return found or _whole(path)
+            raw = gather(select(stream, topics, (profile.CONFIG,), window))
+        check_kind(path, raw)
+        refuse_damage(path, raw)
+        header, result = read_header_of(raw), result_of(raw)
+        if not _makes_rows(result):
+            return Read(header, result, None)
+        return Read(header, result, (_begun if selection else _acted)(raw, header) or _whole(path))
+
+
+def _makes_rows(result: Result | None) -> bool:
+    return result is not None and result.verdict.outcome is not Outcome.INVALID
 
 
 def _whole(path: Path) -> Excerpt:
@@ -62,10 +85,8 @@ def _whole(path: Path) -> Excerpt:
     return Excerpt(episode, np.arange(count), count)
 
 
-def _begun(path: Path, stream: BinaryIO) -> Excerpt | None:
+def _begun(raw: Raw, header: EpisodeHeader) -> Excerpt | None:
     """Frame 0, and the frames at `MOMENTS` or the last one before them; None where their times do not lead to them."""
-    window = Window(first=_PER_FRAME, first_ns=(max(MOMENTS) + 1) * CONTROL_STEP_NS)
-    raw = _gathered(path, stream, _ONCE, window)
     raw.messages = {topic: raw.messages[topic] for topic in (*_ONCE, *_PER_FRAME) if topic in raw.messages}
     last = raw.counted(profile.STATE) - 1
     number = sorted({0, *(min(moment, last) for moment in MOMENTS)})
@@ -75,22 +96,22 @@ def _begun(path: Path, stream: BinaryIO) -> Excerpt | None:
         if len(kept) != (len(number) if raw.counted(topic) or topic == profile.STATE else 0):
             return None
         raw.messages[topic] = [(time, data) for _, time, data in kept]
-    return Excerpt(stack(raw, number), np.array(number), last + 1)
+    return Excerpt(stack(raw, header, number), np.array(number), last + 1)
 
 
-def _acted(path: Path, stream: BinaryIO) -> Excerpt | None:
+def _acted(raw: Raw, header: EpisodeHeader) -> Excerpt | None:
     """Frame 0, and the frames before and after each action; None where the times of messages do not lead to them.
 
-    Most of a robot's episode is its way to the block and back: no row is made of it.
+    Most of a robot's episode is its way to the block and back: no row is made of it. Without actions, as where the
+    push failed, no row is made at all.
     """
-    window = Window(first=_PER_FRAME, around=profile.ACTION, topics=_AROUND, margin_ns=_MARGIN_NS)
-    raw = _gathered(path, stream, (*_ONCE, profile.ACTION), window)
     actions = [codec.read_action(data, time) for time, data in raw.messages.get(profile.ACTION, [])]
     acted = {action.frame + k for action in actions for k in (0, 1)}
     number = sorted({0} | acted)
-    if not actions or number[-1] >= raw.counted(profile.STATE):
+    if len(actions) != raw.counted(profile.ACTION) or number[-1] >= raw.counted(profile.STATE):
         return None
-    start, end = min(a.time_ns for a in actions), max(a.time_ns for a in actions) + _MARGIN_NS
+    start = min((a.time_ns for a in actions), default=0)
+    end = max((a.time_ns for a in actions), default=0) + _MARGIN_NS
     for topic in _PER_FRAME:
         messages = [(codec.frame_of(topic, data), time, data) for time, data in raw.messages.get(topic, [])]
         kept = [message for message in messages if message[0] in {0} | acted]
@@ -100,11 +121,4 @@ def _acted(path: Path, stream: BinaryIO) -> Excerpt | None:
         if not all(start <= time <= end for frame, time, _ in kept if frame in acted):
             return None
         raw.messages[topic] = [(time, data) for _, time, data in kept]
-    return Excerpt(stack(raw, number), np.array(number), raw.counted(profile.STATE))
-
-
-def _gathered(path: Path, stream: BinaryIO, topics: Sequence[str], window: Window) -> Raw:
-    raw = gather(select(stream, topics, (profile.CONFIG,), window))
-    check_kind(path, raw)
-    refuse_damage(path, raw)
-    return raw
+    return Excerpt(stack(raw, header, number), np.array(number), raw.counted(profile.STATE))

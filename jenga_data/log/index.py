@@ -1,5 +1,6 @@
 """The few records that say what an episode is and how it ended, without reading its frames."""
 
+import hashlib
 import struct
 import zlib
 from collections.abc import Collection, Iterator
@@ -27,7 +28,7 @@ from jenga_data.log.records import Damage, read_record, reason_of, size_of, walk
 
 _FOOTER_BYTES = HEAD.size + 20
 _DATA_END_BYTES = HEAD.size + 4
-_READ_BYTES = 2**20
+_READ_BYTES = 2**18
 
 
 @dataclass(frozen=True)
@@ -63,36 +64,46 @@ def select(
     yield from found if found is not None else walk(stream)
 
 
-def is_intact(stream: BinaryIO) -> bool:
-    """Whether every byte of the file is as its writer wrote it, by the checksums of its two sections.
+@dataclass(frozen=True)
+class Fingerprint:
+    """What all bytes of a file say together.
 
-    False also where the writer left them out: then `records.walk` compares those of the single chunks.
+    `intact`: every byte is as its writer wrote it, by the checksums of the file's two sections. False also where the
+    writer left them out: then `records.walk` compares those of the single chunks.
     """
+
+    sha256: str
+    intact: bool
+
+
+def fingerprint(stream: BinaryIO) -> Fingerprint:
+    """Hash a file and compare it with its checksums, reading it once."""
     try:
-        found = _read_footer(stream, size_of(stream))
-        if found is None or not found[0].summary_crc:
-            return False
-        footer, _ = found
-        stream.seek(footer.summary_start - _DATA_END_BYTES)
-        end = stream.read(_DATA_END_BYTES)
-        if HEAD.unpack_from(end) != (Opcode.DATA_END, 4):
-            return False
-        (expected,) = struct.unpack_from("<I", end, HEAD.size)
-        return expected != 0 and expected == _checksum(stream, footer.summary_start - _DATA_END_BYTES)
+        end, expected = _data_section(stream)
     except UNREADABLE:
-        return False
-
-
-def _checksum(stream: BinaryIO, end: int) -> int:
+        end, expected = 0, 0
+    digest, checksum, position = hashlib.sha256(), 0, 0
+    buffer = memoryview(bytearray(_READ_BYTES))
     stream.seek(0)
-    checksum = 0
-    while end > 0:
-        block = stream.read(min(end, _READ_BYTES))
-        if not block:
-            raise ValueError("it ends too early")
-        checksum = zlib.crc32(block, checksum)
-        end -= len(block)
-    return checksum
+    while count := stream.readinto(buffer):  # type: ignore[attr-defined]  # a BufferedReader has it
+        digest.update(buffer[:count])
+        if position < end:
+            checksum = zlib.crc32(buffer[: min(count, end - position)], checksum)
+        position += count
+    return Fingerprint(digest.hexdigest(), expected != 0 and position > end and checksum == expected)
+
+
+def _data_section(stream: BinaryIO) -> tuple[int, int]:
+    """Where it ends, and the checksum that it should have: 0 where the file does not say, or has no sound summary."""
+    found = _read_footer(stream, size_of(stream))
+    if found is None or not found[0].summary_crc:
+        return 0, 0
+    end = found[0].summary_start - _DATA_END_BYTES
+    stream.seek(end)
+    record = stream.read(_DATA_END_BYTES)
+    if HEAD.unpack_from(record) != (Opcode.DATA_END, 4):
+        return 0, 0
+    return end, struct.unpack_from("<I", record, HEAD.size)[0]
 
 
 def _indexed(

@@ -39,6 +39,7 @@ from jenga_data.limits import (
 
 HEAD = struct.Struct("<BQ")
 """Opcode and length, before every record."""
+_CHUNK = struct.Struct("<QQQII")
 _CHUNK_INDEX = struct.Struct("<QQQQI")
 _INDEX_OFFSET = struct.Struct("<HQ")
 _MESSAGE = struct.Struct("<HIQQ")
@@ -48,7 +49,6 @@ _KINDS: dict[int, Any] = {
     Opcode.HEADER: Header,
     Opcode.SCHEMA: Schema,
     Opcode.CHANNEL: Channel,
-    Opcode.CHUNK: Chunk,
     Opcode.ATTACHMENT: Attachment,
     Opcode.ATTACHMENT_INDEX: AttachmentIndex,
     Opcode.STATISTICS: Statistics,
@@ -79,6 +79,8 @@ def parse_record(raw: bytes) -> McapRecord | None:
         return Footer(*struct.unpack("<QQI", raw[HEAD.size :]))
     if raw[0] == Opcode.CHUNK_INDEX:
         return _chunk_index(raw)
+    if raw[0] == Opcode.CHUNK:
+        return _chunk(raw)
     if raw[0] in (Opcode.SCHEMA, Opcode.CHANNEL) and len(raw) <= _CACHED_BYTES:
         return _parse_again(raw)
     record = _parse(raw)
@@ -97,6 +99,24 @@ def _parse(raw: bytes) -> McapRecord | None:
 _CACHED_BYTES = 2**15
 _parse_again = lru_cache(256)(_parse)
 """Schemas and channels are the same in all logs of a collection, twice in each."""
+
+
+def _chunk(raw: bytes) -> Chunk:
+    """As mcap reads it, without its field by field copies."""
+    first, last, size, checksum, name = _CHUNK.unpack_from(raw, HEAD.size)
+    after = HEAD.size + _CHUNK.size + name
+    (length,) = struct.unpack_from("<Q", raw, after)
+    data = raw[after + 8 : after + 8 + length]
+    if len(data) < length:
+        raise ValueError(f"{length} bytes of records, the last {length - len(data)} of which are missing")
+    return Chunk(
+        compression=raw[after - name : after].decode(),
+        data=data,
+        message_end_time=last,
+        message_start_time=first,
+        uncompressed_crc=checksum,
+        uncompressed_size=size,
+    )
 
 
 def _chunk_index(raw: bytes) -> ChunkIndex:

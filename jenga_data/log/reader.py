@@ -37,7 +37,7 @@ def read_episode(path: Path) -> Episode:
             raw = gather(walk(stream))
         check_kind(path, raw)
         refuse_damage(path, raw)
-        return stack(raw)
+        return stack(raw, read_header_of(raw))
 
 
 def read_header(path: Path) -> tuple[EpisodeHeader, Result | None]:
@@ -70,17 +70,17 @@ def attachment(path: Path, name: str) -> bytes:
         raise JengaError(f"{path} has no attachment {name!r}; it has: {', '.join(raw.attachments) or 'none'}")
 
 
-def stack(raw: Raw, number: Sequence[int] | None = None) -> Episode:
+def stack(raw: Raw, header: EpisodeHeader, number: Sequence[int] | None = None) -> Episode:
     """The episode of which everything was gathered.
 
     Args:
+        header: its own, as `read_header_of` says.
         number: the frames that were, in order, where it is an excerpt: the result's frames and actions count through
             them.
 
     Raises:
         ValueError: a frame is missing, or a message does not fit the profile.
     """
-    header = read_header_of(raw)
     place = None if number is None else {frame: i for i, frame in enumerate(number)}
 
     def placed(found: tuple[int, T]) -> tuple[int, T]:

@@ -1,6 +1,6 @@
 """`jenga bench convert`: how fast logs become a dataset, beside reading the same logs message by message.
 
-Ours is `jenga convert` in one process, whole: every byte hashed and compared with its checksums, splits, statistics,
+Ours is `jenga convert`, whole: every byte hashed and compared with its checksums, splits, statistics,
 Parquet files and manifest written. Theirs reads every message of every log through `mcap`, decodes those of the
 profile with protobuf's generated classes (not slower than `mcap_protobuf.decoder`, which builds them for every file
 anew) and builds a `Data` object of torch_geometric for every row, with every column that the row has in our dataset:
@@ -9,8 +9,10 @@ compares no checksums and writes nothing.
 """
 
 import os
+import secrets
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -22,7 +24,7 @@ from mcap.reader import make_reader
 
 from jenga_data.bench.speed import Speed, speed_table
 from jenga_data.clock import MOMENTS
-from jenga_data.dataset.convert import convert
+from jenga_data.dataset.convert import check_workers, convert
 from jenga_data.dataset.sources import find_logs
 from jenga_data.errors import JengaError
 from jenga_data.graph import support_edges
@@ -36,48 +38,64 @@ RATIO = 5.0
 """How much faster converting is at least."""
 
 
-def bench_convert(logs: Sequence[Path], rounds: int = 5) -> dict[str, Any]:
-    """Measure converting logs of one kind. Times are CPU times, of one process each.
+def bench_convert(logs: Sequence[Path], rounds: int = 5, workers: int = 2) -> dict[str, Any]:
+    """Measure converting logs of one kind: CPU time in one process, and what a user waits with `workers`.
 
     Raises:
-        JengaError: the logs make no dataset, or `rounds` is below 1.
+        JengaError: the logs make no dataset, or `rounds` or `workers` is below 1.
     """
     if rounds < 1:
         raise JengaError(f"rounds is {rounds}; allowed: 1 and more")
+    check_workers(workers)
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     paths = find_logs(logs)
     size = sum(path.stat().st_size for path in paths)
     with TemporaryDirectory(prefix="jenga-bench-") as folder:
 
-        def ours(number: int) -> int:
-            return convert(logs, Path(folder) / str(number), "bench", "1.0.0").counts.rows
+        def ours(workers: int = 1) -> int:
+            return convert(logs, Path(folder) / secrets.token_hex(8), "bench", "1.0.0", workers=workers).counts.rows
 
-        def theirs(_: int) -> int:
+        def theirs() -> int:
             return sum(len(data_objects(path)) for path in paths)
 
-        rows, objects = ours(-1), theirs(-1)  # what is loaded only once is loaded before
-        times = np.array([(_timed(ours, k), _timed(theirs, k)) for k in range(rounds)])
-    mean = times.mean(0)
-    speed = Speed(
-        "logs made into a dataset, beside reading them message by message into Data objects",
-        value=len(paths) / float(mean[0]),
+        rows, objects = ours(), theirs()  # what is loaded only once is loaded before
+        times = np.array([(*_timed(ours), *_timed(theirs), *_timed(partial(ours, workers))) for _ in range(rounds)])
+    own, own_wall, plain, plain_wall, _, many_wall = times.T
+    what = "logs made into a dataset, beside reading them message by message into Data objects"
+    speeds = {
+        "convert": _speed(f"{what}; CPU time", own, plain, len(paths)),
+        "one_worker": _speed("the same by the clock", own_wall, plain_wall, len(paths)),
+    }
+    if workers > 1:
+        speeds["workers"] = _speed(
+            f"{workers} workers by the clock, beside one process", many_wall, plain_wall, len(paths)
+        )
+    report = {name: speed.as_dict() for name, speed in speeds.items()} | {
+        "rounds": rounds,
+        "worker_count": workers,
+        "logs": len(paths),
+        "bytes": size,
+        "rows": rows,
+        "objects": objects,
+        "cores": os.cpu_count(),
+        "load_before": load,
+    }
+    head = f"{rounds} rounds, {len(paths)} logs of {size / 1e6:.0f} MB, {rows} rows.\n\n"
+    return report | {"text": head + speed_table(speeds)}
+
+
+def _speed(what: str, ours: np.ndarray, theirs: np.ndarray, logs: int) -> Speed:
+    """Logs a second of both, from the seconds of each round."""
+    return Speed(
+        what,
+        value=logs / float(ours.mean()),
         unit="logs/s",
-        reference=len(paths) / float(mean[1]),
-        n=rounds,
-        ratio_ci95=ratio_bootstrap(times[:, 1], times[:, 0], np.arange(rounds)),
+        reference=logs / float(theirs.mean()),
+        n=len(ours),
+        ratio_ci95=ratio_bootstrap(theirs, ours, np.arange(len(ours))),
         limit=RATIO,
         at_least=True,
-        more={
-            "logs": len(paths),
-            "bytes": size,
-            "rows": rows,
-            "objects": objects,
-            "megabytes_a_second": size / 1e6 / float(mean[0]),
-        },
     )
-    report = {"convert": speed.as_dict(), "rounds": rounds, "cores": os.cpu_count(), "load_before": load}
-    head = f"CPU time of one process, {rounds} rounds, {len(paths)} logs of {size / 1e6:.0f} MB, {rows} rows.\n\n"
-    return report | {"text": head + speed_table({"convert": speed})}
 
 
 def data_objects(path: Path) -> list[Data]:
@@ -180,7 +198,8 @@ def _lift(contact: Any, edges: np.ndarray, blocks: int) -> np.ndarray:
     return lift[edges[0], edges[1]]
 
 
-def _timed(work: Callable[[int], int], number: int) -> float:
-    start = time.process_time()
-    work(number)
-    return time.process_time() - start
+def _timed(work: Callable[[], int]) -> tuple[float, float]:
+    """CPU and clock time [s]."""
+    start = time.process_time(), time.perf_counter()
+    work()
+    return time.process_time() - start[0], time.perf_counter() - start[1]

@@ -10,7 +10,9 @@ from jenga_data.dataset.rows import Ragged, rows_of
 from jenga_data.dataset.schema import MOVED_STEP
 from jenga_data.errors import CheckFailed, JengaError
 from jenga_data.log.excerpt import Excerpt, read_for_rows
+from jenga_data.log.index import fingerprint
 from jenga_data.log.reader import read_episode
+from jenga_data.log.records import open_log
 
 
 def assert_rows_of_the_whole(path: Path, part: Excerpt) -> None:
@@ -27,10 +29,18 @@ def assert_rows_of_the_whole(path: Path, part: Excerpt) -> None:
         assert np.array_equal(values, np.asarray(other)), name
 
 
+def excerpt(path: Path, *, selection: bool) -> Excerpt:
+    with open_log(path) as stream:
+        intact = fingerprint(stream).intact
+    found = read_for_rows(path, selection, intact).excerpt
+    assert found is not None
+    return found
+
+
 @pytest.mark.parametrize("kind", ["selection", "extraction"])
 def test_what_is_read_for_rows_gives_the_rows_of_the_whole_episode(kind, request):
     for path in sorted(request.getfixturevalue(f"{kind}_logs").glob("*.mcap"))[:4]:
-        assert_rows_of_the_whole(path, read_for_rows(path, selection=kind == "selection"))
+        assert_rows_of_the_whole(path, excerpt(path, selection=kind == "selection"))
 
 
 @pytest.fixture
@@ -43,7 +53,7 @@ def one_action(episode_of, write, tmp_path, monkeypatch) -> Path:
 
 
 def test_only_what_is_around_the_actions_is_read(one_action):
-    part = read_for_rows(one_action, selection=False)
+    part = excerpt(one_action, selection=False)
     assert part.number.tolist() == [0, 2, 3]
     assert part.episode.action_frame.tolist() == [1]
     assert 4 <= len(part.episode.gripper.time_ns) < len(read_episode(one_action).gripper.time_ns)
@@ -52,9 +62,19 @@ def test_only_what_is_around_the_actions_is_read(one_action):
 
 def test_a_log_whose_times_do_not_lead_to_its_frames_is_read_whole(one_action, monkeypatch):
     monkeypatch.setattr("jenga_data.log.excerpt._MARGIN_NS", 0)
-    part = read_for_rows(one_action, selection=False)
+    part = excerpt(one_action, selection=False)
     assert part.number.tolist() == [0, 1, 2, 3, 4]
     assert_rows_of_the_whole(one_action, part)
+
+
+def test_a_log_without_actions_is_not_read_whole(episode_of, write, tmp_path, monkeypatch):
+    """As where the push failed: it makes no rows, however long it is."""
+    monkeypatch.setattr("jenga_data.log.excerpt._whole", None)
+    episode = episode_of("extraction", 1)
+    none = {name: getattr(episode, name)[:0] for name in ("action_frame", "action", "action_reached")}
+    part = excerpt(write(replace(episode, **none), tmp_path), selection=False)
+    assert part.frames == len(episode.pose)
+    assert not len(np.asarray(rows_of(part.episode, part.number)["frame"]))
 
 
 @pytest.mark.parametrize("where", [0.3, 0.5, 0.7])
@@ -64,7 +84,7 @@ def test_a_flipped_bit_in_what_no_row_needs_is_noticed(selection_logs: Path, tmp
     path = tmp_path / "bad.mcap"
     path.write_bytes(data)
     with pytest.raises(CheckFailed, match="is damaged at"):
-        read_for_rows(path, selection=True)
+        excerpt(path, selection=True)
 
 
 @pytest.mark.parametrize("kind", ["selection", "extraction"])
@@ -72,10 +92,11 @@ def test_both_sides_read_as_many_rows(kind, request):
     from jenga_models.bench.convert import bench_convert
 
     report = bench_convert([request.getfixturevalue(f"{kind}_logs")], rounds=1)
-    speed = report["convert"]
     invalid = 4 if kind == "extraction" else 0  # theirs takes the episode whose physics broke for good
-    assert speed["objects"] == speed["rows"] + invalid
-    assert speed["ratio"] == pytest.approx(speed["value"] / speed["reference"])
+    assert report["objects"] == report["rows"] + invalid
+    for speed in (report[name] for name in ("convert", "one_worker", "workers")):
+        assert speed["value"] > 0
+        assert speed["ratio"] == pytest.approx(speed["value"] / speed["reference"])
 
 
 @pytest.mark.parametrize("kind", ["selection", "extraction"])

@@ -66,7 +66,7 @@ def sources_of(episodes: dict[str, np.ndarray]) -> list[Source]:
             msgspec.json.decode(text, type=dict[str, str])
         except msgspec.DecodeError as error:
             raise CheckFailed(f"{EPISODES} has versions that are none ({error}): get the dataset elsewhere") from error
-    names = [f.name for f in fields(Source) if f.name != "path"]
+    names = [f.name for f in fields(Source) if f.name not in ("path", "spooled")]
     values = zip(*(episodes[name].tolist() for name in names), strict=True)
     sources = [Source(path=Path(), **dict(zip(names, v, strict=True))) for v in values]
     return sorted(sources, key=lambda s: (s.seed, s.config, s.checkpoint, s.number, s.episode))
