@@ -213,24 +213,30 @@ def control(results: Results) -> list[Block]:
     found = results.best("extraction_report") or results.best("extraction")
     if found is None:
         return [_not(EXTRACTION_COMMAND)]
+    ways = by_way(found.data)
     rows: list[Sequence[Cell]] = []
-    for name, own in by_way(found.data).items():
+    for name, own in ways.items():
         paired = own.get("above_best_straight") or own.get("paired")
         against = with_interval(paired["difference"], paired["ci95"]) if paired else ""
-        causes = ", ".join(f"{cause} {n}" for cause, n in sorted(own["causes"].items(), key=lambda item: -item[1]))
         clean, moved = own.get("success_without_dragging"), own.get("median_disturbance_mm")
-        hz = own.get("control_hz")
-        rows.append((name, number(own["success"]), number(clean), against, moved, hz, causes))
+        rows.append((name, number(own["success"]), number(clean), against, moved, own.get("control_hz")))
     compared = "Above the best straight pull" if "ways" in found.data else "First one minus this, paired"
-    head = ("Way to pull", "Extracted", "and none dragged", compared, "Others moved, median [mm]", "Decisions/s",
-            "Causes of failures")  # fmt: skip
+    head = ("Way to pull", "Extracted", "and none dragged", compared, "Others moved, median [mm]", "Decisions/s")
+    if all(row[-1] is None for row in rows):
+        head, rows = head[:-1], [row[:-1] for row in rows]
+    causes = [(name, _most_first(own["causes"])) for name, own in ways.items()]
     return [
         "Every tower that was started counts. The straight pull is the trivial baseline; hindsight, the best of "
         "several pulls of the same block, is the ceiling.",
         Table(head, rows, "full: O_a + O_d with the learned model; naive: O_a alone; the same towers and targets."),
+        Table(("Way to pull", "Causes of failures"), causes),
         *_pictures(found, _CONTROL),
         Code(f"{EXTRACTION_COMMAND}\njenga report extraction DIR... --out REPORT", "Made by:"),
     ]
+
+
+def _most_first(causes: Mapping[str, int]) -> str:
+    return ", ".join(f"{cause} {n}" for cause, n in sorted(causes.items(), key=lambda item: -item[1])) or "none"
 
 
 _CONTROL = {
