@@ -2,7 +2,8 @@
 
 The paper's worst failures began with the push ("the initial push of a target block ... sometimes displaces entire
 layers of the tower instead of a single block"), made blindly by a state machine. Friction carries the layer along for
-as long as the stick moves slowly; a short fast tap leaves it behind. So the push goes on in taps once others move.
+as long as the stick moves slowly; a stroke as fast as the arm can make it leaves the layer behind, as the tablecloth
+leaves the dishes. So the push ends in strokes once others move, or where the target takes too much force.
 """
 
 import numpy as np
@@ -11,38 +12,48 @@ from jaxtyping import Float
 from jenga_data.collect.skills import Skills
 from jenga_data.sim.arm import Path
 
-TURN_BACK = 0.0015
+TURN_BACK = 0.0008
 """The slow push turns back when another block has moved by more [m]..."""
 GIVE_UP = 0.012
-"""...and tapping ends for good, short of the 15 mm that count as dragged: what is not pushed out is not pulled out."""
-TAP_SPEED = 0.25
-"""Of the stick in a tap [m/s], five times that of the push."""
-TAP = 0.005
-"""How far beyond the target's end a tap reaches [m]."""
-_X = np.eye(3)[0]
-_RUN_UP = 0.012
-"""A tap starts so far in front of the block [m]."""
-TAPS = 8
+"""...and strokes end for good, short of the 15 mm that count as dragged: what is not pushed out is not pulled out."""
+RUN_UP = 0.02
+"""A stroke starts so far in front of the block [m]: it meets the block when it is fastest..."""
+ACCELERATION = 13.0
+"""...which is as fast as the arm's acceleration [m/s^2] lets it be, up to 0.5 m/s."""
+LEAST_DEPTH = 0.004
+"""A stroke reaches as far as the target has to go, and at least so far beyond its end [m]."""
+STROKES = 8
 """At most."""
+REST_SECONDS = 10.0
+"""A tower that was struck gets so long to come to rest [s]."""
+_X = np.eye(3)[0]
 
-SETTINGS = {"turn_back": TURN_BACK, "give_up": GIVE_UP, "tap_speed": TAP_SPEED, "tap": TAP, "taps": TAPS}
+SETTINGS = {
+    "turn_back": TURN_BACK,
+    "give_up": GIVE_UP,
+    "run_up": RUN_UP,
+    "acceleration": ACCELERATION,
+    "strokes": STROKES,
+    "rest_seconds": REST_SECONDS,
+}
 
 
 class CarefulSkills(Skills):
     """The robot's skills with a push that watches the other blocks."""
 
     turn_back, give_up = TURN_BACK, GIVE_UP
+    rest_seconds = REST_SECONDS
 
     def push_forward(self, path: Path) -> None:
-        """Push slowly as far as nothing else moves, then on in taps until the target is out or the layer is moved."""
+        """Push slowly as far as nothing else moves, then on in strokes until the target is out or the layer moved."""
         self._before = self._recording.poses[-1]
         if self._slow_part(path):
             return
         enough = self._config.push_distance - self._config.push_tolerance
-        for _ in range(TAPS):
+        for _ in range(STROKES):
             if self._moved() > self.give_up or self._out() >= enough or self._recording.has_collapsed():
                 return
-            self._tap()
+            self._strike()
 
     def _slow_part(self, path: Path) -> bool:
         """Follow the path, as long as the layer stays; whether it was followed to its end."""
@@ -60,11 +71,12 @@ class CarefulSkills(Skills):
             self._most_force = np.inf
         return True
 
-    def _tap(self) -> None:
-        """Draw back and hit the target's end, `TAP` deep."""
+    def _strike(self) -> None:
+        """Draw back and hit the target's end, to push it as far as it still has to go."""
         tip = self._tip_at_end()
-        self.follow(self.straight(tip - _RUN_UP * _X, speed=self._config.approach_speed))
-        self.follow(self.straight(tip + TAP * _X, speed=TAP_SPEED))
+        depth = max(self._config.push_distance - self._out(), LEAST_DEPTH)
+        self.follow(self.straight(tip - RUN_UP * _X, speed=self._config.approach_speed))
+        self.follow(self.straight(tip + depth * _X, acceleration=ACCELERATION))
 
     def _tip_at_end(self) -> Float[np.ndarray, "3"]:
         """Where the hand is when the stick's tip touches the target's end."""

@@ -97,12 +97,19 @@ class Motion:
             self._arm.begin(np.zeros(3))
             self.frame(turning)
 
-    def straight(self, *through: Float[np.ndarray, "3"], speed: float) -> Path:
+    def straight(
+        self, *through: Float[np.ndarray, "3"], speed: float = np.inf, acceleration: float | None = None
+    ) -> Path:
         """A path from the present set point along straight lines, each from rest to rest with least jerk.
+
+        Args:
+            speed: no faster [m/s].
+            acceleration: nor with more of it [m/s^2]; by default the configured one.
 
         Raises:
             UnreachableError: it leads out of reach.
         """
+        acceleration = acceleration or self._config.acceleration
         points, velocities, start = [], [], self._arm.set_point
         for end in through:
             way = np.asarray(end) - start
@@ -110,7 +117,7 @@ class Motion:
             if length < 1e-9:
                 continue
             # Largest speed and acceleration of least jerk: 1.875 d / T and 5.774 d / T^2.
-            seconds = max(1.875 * length / speed, np.sqrt(5.774 * length / self._config.acceleration))
+            seconds = max(1.875 * length / speed, np.sqrt(5.774 * length / acceleration))
             frames = whole_frames(seconds)
             profile = MinimumJerk(1.0, frames * PERIOD)
             for k in range(1, frames + 1):

@@ -38,12 +38,13 @@ _LEAST_HOLD = 0.008
 """The fingertips must overlap a block's end by so much [m], half their length."""
 _CLOSE_FRAMES = 8
 _TURN_SECONDS = 4.0
-_REST_SECONDS = 3.0
-"""A tower that was touched gets so long to come to rest [s]."""
 
 
 class Skills(Motion):
     """The skills of one robot in one recorded rollout."""
+
+    rest_seconds = 3.0
+    """A tower that was touched gets so long to come to rest [s]."""
 
     def __init__(self, robot: Robot, recording: Recording, config: ExtractionConfig) -> None:
         super().__init__(robot, recording, config)
@@ -84,7 +85,7 @@ class Skills(Motion):
         """Wait until the tower sleeps."""
         world, first = self._world, self._recording.frame
         while not world.asleep:
-            if (self._recording.frame - first) * PERIOD > _REST_SECONDS or self._recording.has_collapsed():
+            if (self._recording.frame - first) * PERIOD > self.rest_seconds or self._recording.has_collapsed():
                 raise Failure("unsettled")
             self.hold()
 

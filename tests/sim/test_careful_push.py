@@ -11,15 +11,15 @@ STEP = 0.0008
 
 
 class Counting(CarefulSkills):
-    """Counts taps, and lets somebody move a block behind the push's back."""
+    """Counts strokes, and lets somebody move a block behind the push's back."""
 
-    taps = 0
+    strokes = 0
     meddle = 0.0
     pushing = False
 
-    def _tap(self) -> None:
-        self.taps += 1
-        super()._tap()
+    def _strike(self) -> None:
+        self.strokes += 1
+        super()._strike()
 
     def push_forward(self, path) -> None:
         self.pushing = True
@@ -57,19 +57,38 @@ def way(place: Workplace) -> np.ndarray:
 
 @pytest.mark.usefixtures("unchecked_shapes")
 def test_looking_on_changes_nothing_of_a_push():
-    """Also of one that meets too much force, which then ends without a tap if that is what is asked for."""
+    """Also of one that meets too much force, which then ends without a stroke if that is what is asked for."""
     plain, careful = pushed(Skills), pushed(Patient)
     assert isinstance(careful.skills, Counting)
-    assert careful.skills.taps == 0
+    assert careful.skills.strokes == 0
     np.testing.assert_array_equal(way(plain), way(careful))
 
 
+class Resigned(Counting):
+    """Gives up as soon as it has turned back."""
+
+    give_up = 0.0
+
+
+def out_at_end(place: Workplace) -> float:
+    return float(way(place)[place.recording.target, 0])
+
+
 @pytest.mark.usefixtures("unchecked_shapes")
-def test_it_turns_back_when_another_block_moves_and_stops_before_the_layer_is_gone():
+def test_it_turns_back_when_another_block_moves_and_goes_on_in_a_stroke():
     place = pushed(Counting, meddle=STEP)
     assert isinstance(place.skills, Counting)
-    target = place.recording.target
-    out = np.array([frame.pose[target, 0] for frame in place.log.frames])
-    assert out[-1] - out[0] < 0.018
+    assert place.skills.strokes == 1
+    assert 0.017 <= out_at_end(place) < 0.03
+    hand = np.array([(sample.time_ns, sample.pose[0]) for sample in place.log.samples])
+    speed = np.diff(hand[:, 1]) / np.diff(hand[:, 0]) * 1e9
+    assert 0.3 < speed.max() < 0.6  # m/s: at least six times the slow push
+
+
+@pytest.mark.usefixtures("unchecked_shapes")
+def test_it_gives_up_where_the_layer_has_moved_too_far():
     assert TURN_BACK < GIVE_UP
-    assert place.skills.taps <= 3
+    place = pushed(Resigned, meddle=STEP)
+    assert isinstance(place.skills, Counting)
+    assert place.skills.strokes == 0
+    assert out_at_end(place) < 0.01

@@ -7,8 +7,8 @@ from jenga_data import palette
 from jenga_data.replay.plans import Plans
 from jenga_data.replay.recording.recorder import Recorder
 
-_THIN, _THICK = 0.00012, 0.0006
-"""Radii of the lines [m]: plans lie millimetres apart."""
+_THIN, _THICK = 0.00012, 0.0016
+"""Radii of the lines [m]: plans lie within a millimetre or two of each other, and would hide a thinner one."""
 
 
 def log_plans(to: Recorder, plans: Plans) -> None:
