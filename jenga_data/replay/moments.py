@@ -1,6 +1,6 @@
 """Which frames of an episode tell its story: a few moments, chosen by its phases and by how it ended."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -89,6 +89,9 @@ def _key_frames(episode: Episode, last: int) -> list[Moment]:
         until = min((end for end in ends if end > pull), default=last)
         events.append(Moment((pull + until) // 2, "pull"))
     if "put_down" not in begun:
+        events.append(Moment(last, "end"))
+    elif episode.result and episode.result.verdict.failure:  # the block is out, but the tower came down with it
+        events = [replace(m, name="block out") if m.name == "extracted" else m for m in events[1:]]
         events.append(Moment(last, "end"))
     return events
 

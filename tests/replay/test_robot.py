@@ -11,8 +11,9 @@ from made_up_episode import TARGET, make_episode
 from rerun.chunk import Chunk, RrdReader
 from three_link_robot import BASE, MODEL, REACH, track
 
-from jenga_data.episode import ROBOT, Contacts, Episode, Phase
+from jenga_data.episode import ROBOT, Contacts, Episode, Phase, Result
 from jenga_data.geometry import rotation_matrices
+from jenga_data.outcome import Outcome, Verdict
 from jenga_data.replay.contact_points import contact_points
 from jenga_data.replay.curves import episode_curves
 from jenga_data.replay.measures import displacement
@@ -210,6 +211,9 @@ def test_the_moments_of_a_robot_are_the_papers_key_frames(episode: Episode) -> N
     told = telling_moments(replace(with_robot(episode), phases=phases, pose=moving))
     assert [m.name for m in told] == ["stick taken", "pushed", "turned back", "grasped", "pull", "extracted"]
     assert [m.frame for m in told[:4]] == [16, 20, 32, 48]
+    verdict = Verdict(Outcome.COLLAPSED, dragged=True, moved=0.3, clear_frame=60)
+    fallen = replace(with_robot(episode), phases=phases, pose=moving, result=Result(verdict))
+    assert [m.name for m in telling_moments(fallen)] == ["pushed", "turned back", "grasped", "pull", "block out", "end"]
     failed = telling_moments(replace(with_robot(episode), phases=phases[:4], pose=moving))
     assert [m.name for m in failed[:2]] == ["stick taken", "pushed"]
     assert failed[-1].name == "end"
