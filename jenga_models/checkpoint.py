@@ -19,6 +19,7 @@ from jenga_models.columns import Rows, dataset_name
 from jenga_models.config import LATER, DynamicsTraining, SelectionTraining, Training
 from jenga_models.features import Featurizer, attribute_width
 from jenga_models.normalisation import Normalisation
+from jenga_models.pretrained import KINDS, pretrained
 from jenga_models.registry import build
 from jenga_models.simulator import Simulator
 
@@ -130,11 +131,15 @@ def _write(path: Path, content: bytes) -> None:
 def load(path: Path | str) -> Checkpoint:
     """Read a checkpoint from its folder.
 
+    `selection` and `dynamics` are the models that jenga comes with, where there is no folder of that name.
+
     Raises:
         JengaError: there is none, it has another format version, or its architecture is not registered.
         CheckFailed: a file is damaged, or the parts do not fit each other.
     """
     path = Path(path)
+    if str(path) in KINDS and not path.exists():
+        path = pretrained(str(path))
     blobs = {name: _read(path, name) for name in (CARD, WEIGHTS)}
     card = _card(path, blobs[CARD])
     if hashlib.sha256(blobs[WEIGHTS]).hexdigest() != card["weights_sha256"]:
@@ -167,7 +172,10 @@ def load(path: Path | str) -> Checkpoint:
 
 def _read(path: Path, name: str) -> bytes:
     if not path.exists():
-        raise JengaError(f"no checkpoint at {path}: there is no such folder; `jenga train` makes one")
+        raise JengaError(
+            f"no checkpoint at {path}: there is no such folder; `jenga train` makes one, "
+            f"and {' and '.join(KINDS)} come along"
+        )
     try:
         return (path / name).read_bytes()
     except (FileNotFoundError, NotADirectoryError):

@@ -1,14 +1,14 @@
 """Trained models that this version of jenga comes with: `selection/` and `dynamics/`, each a checkpoint."""
 
 from pathlib import Path
-from typing import Literal
 
 from jenga_data.errors import JengaError
 
 FOLDER = Path(__file__).parent
+KINDS = ("selection", "dynamics")
 
 
-def pretrained(kind: Literal["selection", "dynamics"]) -> Path:
+def pretrained(kind: str) -> Path:
     """The folder of the checkpoint.
 
     Raises:

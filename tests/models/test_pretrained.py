@@ -1,5 +1,7 @@
 """Trained models that come with jenga."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -49,3 +51,16 @@ def test_the_dynamics_model_that_comes_along_was_trained_on_the_reference_data_a
     others = np.arange(truth.shape[1]) != dataset.column("target")[rows][:, None]
     error, trivial = ((pose[..., :3] - truth[..., :3])[others] for pose in (ahead, before))
     assert 1 - (error**2).sum() / (trivial**2).sum() > 0.8
+
+
+def test_they_are_found_by_their_kind(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert load("dynamics").hash == load(pretrained("dynamics")).hash
+    Path("dynamics").mkdir()  # an own folder comes first
+    with pytest.raises(JengaError, match="is no checkpoint"):
+        load("dynamics")
+
+
+def test_another_name_is_refused_with_those_that_there_are():
+    with pytest.raises(JengaError, match="`jenga train` makes one, and selection and dynamics come along"):
+        load("dynamic")
