@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from jenga_control.extraction.hindsight import FASTEST
-from jenga_control.extraction.scores import ROUNDS
+from jenga_control.extraction.scores import ROUNDS, switch_words
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.extraction import MAX_STEP_CHANGE
 from jenga_data.palette import BLUE, GREEN, MUTED_INK, ORANGE, PURPLE, SKY_BLUE, UNKNOWN, VERMILLION, YELLOW
@@ -24,24 +24,26 @@ Ways = Mapping[str, dict[str, Any]]
 
 def speed_figure(ways: Ways) -> Figure:
     """Success against the speed of the pull: straight ones as a curve, controllers where they pull on average."""
-    figure = Figure(figsize=(9.5, 5.4), layout="constrained")
+    figure = Figure(figsize=(11.5, 5.4), layout="constrained")
     axes = figure.subplots()
-    plain = [row for row in ways.values() if row["name"] == "straight" and _plain(row)]
-    straight = sorted(((row["speed"], row) for row in plain), key=lambda pair: pair[0])
-    for key, colour, label in (
-        ("success", BLUE, "straight pulls: block out, tower stands"),
-        ("success_without_dragging", VERMILLION, "straight pulls: and no other block dragged"),
-    ):
-        if straight:
-            speeds = [speed for speed, _ in straight]
-            rates = np.array([(row[key]["rate"], *row[key]["ci95"]) for _, row in straight])
-            axes.fill_between(speeds, rates[:, 1], rates[:, 2], color=colour, alpha=0.12, linewidth=0)
-            axes.plot(speeds, rates[:, 0], color=colour, marker="o", label=label)
-    others = {name: row for name, row in ways.items() if row["name"] != "straight" or not _plain(row)}
+    straight: dict[str, list[dict[str, Any]]] = {}
+    for row in ways.values():
+        if row["name"] == "straight":
+            straight.setdefault(switch_words(row["settings"]), []).append(row)
+    curves = len(straight)
+    for colour, (switches, rows) in zip(_COLOURS, straight.items(), strict=False):
+        rows = sorted(rows, key=lambda row: row["speed"])
+        speeds = [row["speed"] for row in rows]
+        rates = np.array([(row["success"]["rate"], *row["success"]["ci95"]) for row in rows])
+        clean = [row["success_without_dragging"]["rate"] for row in rows]
+        axes.fill_between(speeds, rates[:, 1], rates[:, 2], color=colour, alpha=0.12, linewidth=0)
+        axes.plot(speeds, rates[:, 0], color=colour, marker="o", label=f"straight{switches}")
+        axes.plot(speeds, clean, color=colour, marker="o", linestyle=":", label="  and no block dragged")
+    others = {name: row for name, row in ways.items() if row["name"] != "straight"}
     for place, (name, row) in enumerate(others.items()):
         if row["speed"] is None or row["success"]["rate"] is None:
             continue
-        colour, marker = _COLOURS[(place + 2) % len(_COLOURS)], _MARKERS[(place + 1) % len(_MARKERS)]
+        colour, marker = _COLOURS[(place + curves) % len(_COLOURS)], _MARKERS[(place + 1) % len(_MARKERS)]
         low, high = row["success"]["ci95"]
         axes.plot([row["speed"]] * 2, [low, high], color=colour, linewidth=1.2)
         axes.plot(row["speed"], row["success"]["rate"], color=colour, marker=marker, linestyle="", label=name)
@@ -58,7 +60,7 @@ def speed_figure(ways: Ways) -> Figure:
     axes.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
     axes.minorticks_off()
     axes.set_title("Success against pull speed", loc="left")
-    axes.legend(loc="upper left", fontsize="small")
+    axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small")
     return figure
 
 
@@ -112,7 +114,3 @@ def rounds_figure(ways: Ways) -> Figure:
     axes.set_title("Success by round", loc="left")
     axes.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), fontsize="small")
     return figure
-
-
-def _plain(row: dict[str, Any]) -> bool:
-    return not {"select", "push_control", "touch"} & set(row["settings"])

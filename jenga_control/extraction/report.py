@@ -10,7 +10,7 @@ import numpy as np
 
 from jenga_control.extraction.evaluate import PAPER
 from jenga_control.extraction.figures import causes_figure, rounds_figure, speed_figure
-from jenga_control.extraction.scores import Ended, clean, paired, scores, succeeded
+from jenga_control.extraction.scores import Ended, clean, paired, scores, succeeded, switch_words
 from jenga_control.tables import extraction_report_tables
 from jenga_data.clock import CONTROL_STEP_NS
 from jenga_data.collect.workers import RECIPE
@@ -100,20 +100,16 @@ def _named(found: Sequence[Logs]) -> dict[str, Logs]:
         merged[key] = Logs(before.name if before else logs.name, logs.settings, logs.checkpoint, runs)
     named: dict[str, Logs] = {}
     for logs in merged.values():
-        name, copies = logs.name + _switch_words(logs.settings), 1
+        name, copies = logs.name + switch_words(logs.settings), 1
         while (unique := name if copies == 1 else f"{name} ({copies})") in named:
             copies += 1
         named[unique] = Logs(unique, logs.settings, logs.checkpoint, logs.runs)
     return named
 
 
-def _switch_words(settings: Mapping[str, Any]) -> str:
-    return "".join(f" +{word}" for word in ("select", "push_control", "touch") if word in settings)
-
-
 def _best_straight(ways: Mapping[str, Logs]) -> Logs | None:
     """The straight pull without switches that succeeds most often."""
-    plain = [logs for logs in ways.values() if logs.straight and not _switch_words(logs.settings)]
+    plain = [logs for logs in ways.values() if logs.straight and not switch_words(logs.settings)]
     return max(plain, key=lambda logs: float(succeeded(list(logs.runs.values())).mean()), default=None)
 
 

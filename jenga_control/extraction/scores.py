@@ -1,7 +1,7 @@
 """What many rollouts of one way to pull came to: counted from the headers and outcomes of their logs."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -66,3 +66,8 @@ def paired(first: Sequence[Ended], second: Sequence[Ended]) -> dict[str, Any]:
     return paired_difference(succeeded(first), succeeded(second), tower) | {
         "without_dragging": paired_difference(clean(first), clean(second), tower)
     }
+
+
+def switch_words(settings: Mapping[str, Any]) -> str:
+    """The switches that were on, as they stand behind the name of a way."""
+    return "".join(f" +{word}" for word in ("select", "push_control", "touch") if word in settings)
