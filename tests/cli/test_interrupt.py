@@ -11,7 +11,7 @@ LINE = "jenga: interrupted; what was finished is kept"
 
 SLOW_CONVERSION = """
 import time
-import jenga_data.dataset.write as module
+import jenga_data.dataset.spool as module
 fast = module.rows_of_all
 module.rows_of_all = lambda *args: time.sleep(0.5) or fast(*args)
 """
@@ -87,7 +87,7 @@ def test_an_interrupted_collection_makes_no_dataset_before_it_is_finished(select
 def test_convert(dynamics: Made, extraction_logs: Made, tmp_path):
     out = tmp_path / "dataset"
     args = ("convert", extraction_logs.path, "--name", "steps", "--version", "0.1.0", "--out", out)
-    staged = lambda: bool(list(tmp_path.glob(".dataset.*.partial/data/*.parquet")))  # noqa: E731  (a condition in one line)
+    staged = lambda: bool(list(tmp_path.glob(".dataset.*.partial/.spool/*.arrow")))  # noqa: E731  (a condition in one line)
     was_interrupted(interrupted_when(staged, *args, before=SLOW_CONVERSION))
     assert list(tmp_path.iterdir()) == []
     assert jenga(*args).code == 0
