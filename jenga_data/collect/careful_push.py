@@ -17,7 +17,7 @@ TURN_BACK = 0.0008
 GIVE_UP = 0.012
 """...and strokes end for good, short of the 15 mm that count as dragged: what is not pushed out is not pulled out."""
 RUN_UP = 0.02
-"""A stroke starts so far in front of the block [m]: it meets the block when it is fastest..."""
+"""A stroke starts so far in front of the block [m]: it meets the block about when it is fastest..."""
 ACCELERATION = 13.0
 """...which is as fast as the arm's acceleration [m/s^2] lets it be, up to 0.5 m/s."""
 LEAST_DEPTH = 0.004
@@ -33,6 +33,7 @@ SETTINGS = {
     "give_up": GIVE_UP,
     "run_up": RUN_UP,
     "acceleration": ACCELERATION,
+    "least_depth": LEAST_DEPTH,
     "strokes": STROKES,
     "rest_seconds": REST_SECONDS,
 }
