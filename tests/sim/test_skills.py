@@ -12,6 +12,7 @@ import pytest
 from robot_stage import CONFIG, RobotKept, Workplace, put, workplace
 from short_tower import short_towers
 
+from jenga_data.collect.careful_push import CarefulSkills
 from jenga_data.collect.causes import CAUSES, Failure
 from jenga_data.collect.extraction import Pull
 from jenga_data.collect.robot_extraction import run_with_robot
@@ -162,14 +163,15 @@ def test_a_turn_ends_where_the_tower_wakes_whatever_woke_it():
     assert place.recording.time_ns() == place.recording.frame * 32_000_000 == 3 * 32_000_000
 
 
-def test_a_tower_that_does_not_come_to_rest_is_not_turned():
-    place = workplace()
+@pytest.mark.parametrize(("skills", "seconds"), [(Skills, 3.0), (CarefulSkills, 10.0)])
+def test_a_tower_that_does_not_come_to_rest_is_not_turned(skills, seconds):
+    place = workplace(make_skills=skills)
     place.world.model.opt.sleep_tolerance = 0.0
     place.world.allow_sleep(False)
     place.world.step()
     frames = place.recording.frame
     assert failure_of(place.skills.turn, np.pi) == "unsettled"
-    assert place.recording.frame - frames == pytest.approx(3.0 / 0.032, abs=2)
+    assert place.recording.frame - frames == pytest.approx(seconds / 0.032, abs=2)
     assert place.world.table_angle == pytest.approx(0, abs=1e-4)
 
 
